@@ -16,7 +16,7 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 FOLDERS = ("include", "libl4dcodec", "decoder", "encoder", "api", "render", "io", "eval", "cli",
-           "training", "bench")
+           "training", "python", "bench")
 SUFFIXES = {".h", ".hpp", ".cc", ".cu", ".cuh"}
 MOST_LINES = 80
 

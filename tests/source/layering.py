@@ -80,6 +80,10 @@ LAYERS["training"].add("libl4dcodec/math/hd.h")
 _above("training/cuda", "training", "libl4dcodec/cuda")
 # The decoder for web pages: another customer.
 _above("web/wasm", "include/l4d", "libl4dcodec/scene", "libl4dcodec/base")
+# The Python package knows the C API by the headers of which it reads the declarations. One file brings
+# what io and eval do beside it.
+_above("python", "include/l4d")
+_above("python/scenes.cc", "python", "eval")
 _above("bench/tables", "eval")
 _above("bench/accuracy", "eval")
 _above("bench/micro", "encoder", "io", "render", "bench/tables")
@@ -314,6 +318,13 @@ def self_test():
         ("training/step/a.cc", '#include "render/frame/scene.h"', False),
         ("training/step/a.cc", '#include "cli/common.h"', False),
         ("io/file/a.cc", '#include "training/step/loss.h"', False),
+        ("python/scenes.h", '#include "l4d/render.h"', True),
+        ("python/scenes.h", '#include "io/scene/scene.h"', False),
+        ("python/scenes.cc", '#include "eval/pairing.h"', True),
+        ("python/scenes.cc", '#include "cli/common.h"', False),
+        ("python/scenes.cc", '#include "decoder/session/decoder.h"', False),
+        ("python/other.cc", '#include "io/scene/scene.h"', False),
+        ("eval/a.cc", '#include "python/scenes.h"', False),
         ("bench/accuracy/a.cc", '#include "eval/fidelity_meter.h"', True),
         ("cli/options.cc", "#include <CLI/CLI.hpp>", True),
         ("cli/verbs/a.cc", "#include <CLI/CLI.hpp>", False),

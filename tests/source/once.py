@@ -13,8 +13,8 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-FOLDERS = ("include", "libl4dcodec", "decoder", "encoder", "render", "io", "eval", "cli", "training", "bench",
-           "web/core/src", "web/spark/src", "web/view/src", "web/wasm")
+FOLDERS = ("include", "libl4dcodec", "decoder", "encoder", "render", "io", "eval", "cli", "training", "python",
+           "bench", "web/core/src", "web/spark/src", "web/view/src", "web/wasm")
 SUFFIXES = {".h", ".hpp", ".cc", ".cu", ".cuh", ".js"}
 
 COMMENT = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:[^"\\\n]|\\.)*"', re.DOTALL)

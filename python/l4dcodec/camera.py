@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cameras, as gsplat and OpenCV have them."""
+
+import dataclasses
+import math
+from typing import Any, Mapping, Sequence, Tuple
+
+import numpy as np
+import numpy.typing as npt
+
+from .core import Path, check, ffi, lib, path_bytes, struct
+
+
+@dataclasses.dataclass(eq=False)
+class Camera:
+    """A pinhole camera. Its axes are x right, y down, z forward; the centre of the first pixel is (0.5, 0.5)."""
+
+    width: int
+    """Pixels."""
+    height: int
+    K: npt.ArrayLike
+    """[3, 3] fx 0 cx, 0 fy cy, 0 0 1, in pixels."""
+    viewmat: npt.ArrayLike
+    """[4, 4] or [3, 4], from the scene to the camera: a rotation and a translation."""
+    near_plane: float = 0.02
+    """Scene units."""
+
+    @staticmethod
+    def look_at(position: Sequence[float], target: Sequence[float], up: Sequence[float] = (0, 1, 0), *,
+                fov: float = math.pi / 3, width: int = 960, height: int = 540) -> "Camera":
+        """A camera at `position` that looks at `target`. fov: vertical field of view in radians."""
+        eye = np.asarray(position, np.float64)
+        forward = np.asarray(target, np.float64) - eye
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, np.asarray(up, np.float64))
+        right /= np.linalg.norm(right)
+        rotation = np.stack([right, np.cross(forward, right), forward])
+        viewmat = np.concatenate([rotation, (-rotation @ eye)[:, None]], axis=1)
+        focal = height / 2 / math.tan(fov / 2)
+        K = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
+        return Camera(width, height, K, viewmat)
+
+    @staticmethod
+    def suggested(presentation: Mapping[str, Any], width: int = 960, height: int = 540) -> "Camera":
+        """The first camera that a scene suggests. Raises ValueError if it suggests none."""
+        if not presentation.get("has_camera"):
+            raise ValueError("the scene suggests no camera: give one, as Camera.look_at(position, target)")
+        return Camera.look_at(presentation["camera_position"], presentation["camera_target"],
+                              presentation["camera_up"], fov=presentation["camera_fov"], width=width, height=height)
+
+    def to_c(self) -> Any:
+        K, pose = np.asarray(self.K, np.float64), np.asarray(self.viewmat, np.float64)
+        if K.shape != (3, 3) or pose.shape not in ((3, 4), (4, 4)):
+            raise ValueError(f"K is {list(K.shape)} and viewmat {list(pose.shape)}; "
+                             "they must be [3, 3] and [4, 4] or [3, 4]")
+        return struct("camera", width=self.width, height=self.height, fx=K[0, 0], fy=K[1, 1], cx=K[0, 2], cy=K[1, 2],
+                      world_to_camera=[float(x) for x in pose[:3].ravel()], near_plane=self.near_plane)
+
+
+def read_cameras(path: Path) -> "Tuple[Tuple[int, Camera], ...]":
+    """The cameras of a cameras.json, transforms.json or poses_bounds.npy (docs/formats.md), as (id, camera).
+    Distortions of lenses are left out."""
+    count = ffi.new("uint64_t*")
+    check(lib.l4dpy_read_cameras(path_bytes(path), ffi.NULL, ffi.NULL, 0, count))
+    n = count[0]
+    cameras, ids = ffi.new("l4d_camera[]", n), ffi.new("int32_t[]", n)
+    check(lib.l4dpy_read_cameras(path_bytes(path), cameras, ids, n, count))
+    out = []
+    for i, c in zip(ids, cameras):
+        K = np.array([[c.fx, 0, c.cx], [0, c.fy, c.cy], [0, 0, 1]])
+        viewmat = np.concatenate([np.array(list(c.world_to_camera)).reshape(3, 4), [[0, 0, 0, 1]]])
+        out.append((i, Camera(c.width, c.height, K, viewmat, c.near_plane)))
+    return tuple(out)

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whole files: their rules, the distance between two, and parts of them."""
+
+import concurrent.futures
+import dataclasses
+import math
+from typing import Any, Dict, List, Mapping, Optional, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from .core import (Call, Progress, Source, Violation, c_reader, check, ffi, lib, pointer, reader_of, struct, text)
+from .scene import Scene, native_of
+
+
+def validate(source: Source, *, threads: int = 0, max_memory_bytes: int = 0,
+             progress: Optional[Progress] = None) -> List[Violation]:
+    """Checks a whole file against every rule of the format. Returns the violations; an empty list if there is none.
+    Time is proportional to the bytes of the file and the number of Gaussians."""
+    call = Call(progress, reader=reader_of(source))
+    handle = call.handle()
+    options = struct("decoder_options", threads=threads, max_memory_bytes=max_memory_bytes,
+                     progress=lib.l4dpy_progress, progress_user=handle)
+    count = ffi.new("uint64_t*")
+    call.check(lib.l4d_validate(c_reader(call, handle), options, lib.l4dpy_violation, handle, count))
+    return call.violations
+
+
+@dataclasses.dataclass(frozen=True)
+class ErrorStatistics:
+    """One error over all pairs of Gaussians. What is not measured is NaN."""
+
+    meaning: str
+    max: float
+    rmse: float
+    p999: float
+    """99.9 % of the Gaussians have at most this error."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """How far scene B is from scene A, as `l4dcodec compare` measures it."""
+
+    identical: bool
+    """The same Gaussians bit for bit, in any order."""
+    match: str
+    """How Gaussians are paired: "order", "exact" or "nearest"."""
+    count_a: int
+    count_b: int
+    matched: int
+    equal_rows: int
+    errors: Mapping[str, ErrorStatistics]
+
+
+def compare(a: Union[Scene, Source], b: Union[Scene, Source], *, order: Optional[npt.ArrayLike] = None,
+            threads: int = 0) -> Comparison:
+    """Measures how far the attributes of `b` are from those of `a`. Both are scenes, PLYs or streams.
+
+    order: EncodeReport.order, if `b` is what became of `a`. Without it, Gaussians are paired by their bits, and
+    those that differ by the smallest distance, which may swap twins: the figures are then upper estimates.
+    """
+    first, second = native_of(a), native_of(b)
+    indices = None if order is None else np.ascontiguousarray(order, np.uint32)
+    out, cancel = ffi.new("l4dpy_comparison*"), ffi.new("int32_t*")
+
+    def run() -> None:
+        check(lib.l4dpy_compare(first, second, pointer(indices, "uint32_t*"), 0 if indices is None else indices.size,
+                                threads, cancel, out))
+
+    # This thread waits, so that it hears Ctrl-C.
+    with concurrent.futures.ThreadPoolExecutor(1) as pool:
+        future = pool.submit(run)
+        try:
+            future.result()
+        except BaseException:
+            cancel[0] = 1
+            raise
+    errors: Dict[str, ErrorStatistics] = {}
+    for e in out.errors[0:out.num_errors]:
+        errors[text(e.name)] = ErrorStatistics(text(e.meaning), e.max, e.rmse, e.p999)
+    return Comparison(bool(out.identical), text(out.match), out.count_a, out.count_b, out.matched, out.equal_rows,
+                      errors)

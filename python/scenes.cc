@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "python/scenes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <memory>
+#include <new>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "eval/comparison.h"
+#include "eval/decoded_scene.h"
+#include "eval/errors.h"
+#include "eval/observer.h"
+#include "eval/pairing.h"
+#include "eval/shown_members.h"
+#include "io/camera/cameras.h"
+#include "io/ply/scene_ply.h"
+#include "io/scene/scene.h"
+#include "l4d/l4d.hpp"
+#include "l4d/members.h"
+
+struct l4dpy_scene {
+  l4d::eval::DecodedScene decoded;
+  std::string notes;
+};
+
+struct l4dpy_movie {
+  l4d::eval::ShownMembers members;
+};
+
+namespace {
+
+using l4d::eval::DecodedScene;
+
+// Calls body(). Exceptions end here: they become the status and the message of the thread.
+template <typename Body>
+l4d_status guarded(const Body& body) noexcept {
+  try {
+    body();
+    return L4D_OK;
+  } catch (const l4d::io::Error& error) {
+    l4d_keep_error_message_(error.what());
+    return error.status();
+  } catch (const l4d::Error& error) {
+    l4d_keep_error_message_(l4d::eval::detail_of(error).c_str());
+    return error.status();
+  } catch (const std::bad_alloc&) {
+    l4d_keep_error_message_("out of memory");
+    return L4D_ERR_OUT_OF_MEMORY;
+  } catch (const std::exception& error) {
+    l4d_keep_error_message_(error.what());
+    return L4D_ERR_INTERNAL;
+  }
+}
+
+// Ends an evaluation when another thread has set the flag of the caller.
+class Flag : public l4d::eval::Observer {
+ public:
+  explicit Flag(const int32_t* flag) : flag_(flag) {}
+  bool cancelled() const override {
+    return flag_ != nullptr && __atomic_load_n(flag_, __ATOMIC_RELAXED) != 0;
+  }
+
+ private:
+  const int32_t* flag_;
+};
+
+template <typename T>
+void copy(const T* from, size_t n, std::vector<T>* to) {
+  if (from != nullptr) to->assign(from, from + n);
+}
+
+l4dpy_scene* new_scene(l4d::io::Scene scene) {
+  auto out = std::make_unique<l4dpy_scene>();
+  for (const std::string& note : scene.notes) out->notes += note + '\n';
+  out->decoded.scene = std::move(scene);
+  return out.release();
+}
+
+void add(const char* name, const char* meaning, double max, double rmse, double p999,
+         l4dpy_comparison* out) {
+  if (out->num_errors == L4DPY_MAX_ERRORS) {
+    throw l4d::io::Error(L4D_ERR_INTERNAL, "more errors than L4DPY_MAX_ERRORS");
+  }
+  out->errors[out->num_errors++] = {name, meaning, max, rmse, p999};
+}
+
+void write_comparison(const l4d::eval::Comparison& c, l4dpy_comparison* out) {
+  *out = {};
+  out->count_a = c.count_a;
+  out->count_b = c.count_b;
+  out->matched = c.pairing.matched;
+  out->equal_rows = c.pairing.equal_rows;
+  out->identical = c.identical() ? 1 : 0;
+  c.pairing.match.copy(out->match, sizeof out->match - 1);
+  for (const l4d::eval::AttributeError& e : c.attributes) {
+    add(e.name, e.meaning, e.max, e.rmse, std::nan(""), out);
+  }
+  for (const l4d::eval::SeenError& e : c.seen) {
+    add(e.name, e.meaning, e.max, std::nan(""), e.p999, out);
+  }
+  add("visible_position", "distance while visible, scene units", c.visible.max, c.visible.rmse,
+      c.visible.p999, out);
+}
+
+// Whether a file is one stream that shows all of its sequence at its own times.
+bool is_plain(const l4d_reader& reader, const l4d_timeline& timeline) {
+  l4d_members* list = nullptr;
+  l4d_members_info info;
+  l4d_members_info_init(&info);
+  l4d_member first;
+  l4d_member_init(&first);
+  l4d_status status = l4d_members_open(&reader, nullptr, &list);
+  if (status == L4D_OK) status = l4d_members_get_info(list, &info);
+  if (status == L4D_OK) status = l4d_members_get(list, 0, &first);
+  l4d_members_destroy(list);
+  if (status != L4D_OK) throw l4d::Error(status, l4d_last_error_message());
+  const l4d_timeline shown =
+      l4d::eval::timeline_between(timeline, first.sequence_begin, first.sequence_end);
+  return info.count == 1 && first.role == L4D_MEMBER_MEDIA && first.num_needs == 0 &&
+         first.shift == 0 && shown.time_begin == timeline.time_begin &&
+         shown.num_frames == timeline.num_frames;
+}
+
+}  // namespace
+
+l4d_status l4dpy_read_ply(const char* path, double seconds, double fps, l4dpy_scene** out) {
+  return guarded([&] {
+    l4d::io::ImportOptions options;
+    options.seconds = seconds;
+    options.fps = fps;
+    *out = new_scene(l4d::io::read_scene_ply(path, options));
+  });
+}
+
+l4d_status l4dpy_read_stream(const l4d_reader* reader, l4dpy_scene** out) {
+  return guarded([&] {
+    l4d::DecoderHandle decoder;
+    decoder.open(*reader);
+    auto scene = std::make_unique<l4dpy_scene>();
+    scene->decoded = l4d::eval::decode_scene(decoder);
+    *out = scene.release();
+  });
+}
+
+l4d_status l4dpy_copy(const l4dpy_parts* parts, l4dpy_scene** out) {
+  return guarded([&] {
+    const l4d_gaussians& g = parts->gaussians;
+    const size_t n = static_cast<size_t>(g.count);
+    l4d::io::Scene scene;
+    scene.sh_degree = g.sh_degree;
+    scene.flags = g.flags;
+    l4d::for_each_attribute(
+        [&](const l4d::AttributeInfo& a, const float* from, std::vector<float>& to) {
+          copy(from, n * a.numbers(g.sh_degree), &to);
+        },
+        g, scene);
+    copy(g.window, 2 * n, &scene.window);
+    if (g.mean_t_double != nullptr) {
+      scene.set_mean_times(std::vector<double>(g.mean_t_double, g.mean_t_double + n));
+    }
+    scene.timeline = parts->timeline;
+    scene.placement = parts->placement;
+    scene.rendering = parts->rendering;
+    scene.presentation = parts->presentation;
+    scene.source = "python";
+    *out = new_scene(std::move(scene));
+  });
+}
+
+void l4dpy_destroy(l4dpy_scene* scene) { delete scene; }
+
+void l4dpy_get(const l4dpy_scene* scene, l4dpy_parts* out) {
+  const l4d::io::Scene& s = scene->decoded.scene;
+  *out = {s.view(),       s.timeline,       s.placement,         s.rendering,
+          s.presentation, s.source.c_str(), scene->notes.c_str()};
+}
+
+l4d_status l4dpy_write_ply(const l4dpy_scene* scene, const char* format, const char* path) {
+  return guarded([&] {
+    const std::string name = format;
+    if (name == "l4d") return l4d::io::write_l4d_ply(path, scene->decoded.scene);
+    if (name == "ftgs") return l4d::io::write_ftgs_ply(path, scene->decoded.scene);
+    throw l4d::io::Error(L4D_ERR_INVALID_ARGUMENT,
+                         "the format is '" + name + "'; it must be 'l4d' or 'ftgs'");
+  });
+}
+
+l4d_status l4dpy_write_splats(const l4d_splat_buffers* splats, uint32_t sh_degree,
+                              const char* path) {
+  return guarded([&] {
+    const size_t n = static_cast<size_t>(splats->count);
+    l4d::io::Splats s;
+    s.sh_degree = sh_degree;
+    copy<float>(splats->position, 3 * n, &s.position);
+    copy<float>(splats->covariance, 6 * n, &s.covariance);
+    copy<float>(splats->opacity, n, &s.opacity);
+    copy<float>(splats->sh, 3 * n * (sh_degree + 1) * (sh_degree + 1), &s.sh);
+    l4d::io::write_3dgs_ply(path, s);
+  });
+}
+
+l4d_status l4dpy_compare(const l4dpy_scene* a, const l4dpy_scene* b, const uint32_t* order,
+                         uint64_t num_order, uint32_t threads, const int32_t* cancel,
+                         l4dpy_comparison* out) {
+  return guarded([&] {
+    const Flag flag(cancel);
+    const DecodedScene &from = a->decoded, &to = b->decoded;
+    l4d::eval::Pairing pairing =
+        order != nullptr ? l4d::eval::pair_by_order(from.scene, to.scene,
+                                                    std::vector<uint32_t>(order, order + num_order))
+                         : l4d::eval::pair_by_content(from.scene, to.scene, threads, flag);
+    flag.check();
+    const bool is_stream = !from.levels.empty();
+    write_comparison(l4d::eval::compare_scenes(from.scene, to, std::move(pairing), threads, {},
+                                               is_stream ? &from : nullptr),
+                     out);
+  });
+}
+
+l4d_status l4dpy_movie_open(const l4d_reader* reader, const l4d_decoder_options* options,
+                            const l4d_timeline* timeline, l4dpy_movie** out) {
+  return guarded([&] {
+    *out = is_plain(*reader, *timeline) ? nullptr : new l4dpy_movie{{*reader, *options}};
+  });
+}
+
+void l4dpy_movie_destroy(l4dpy_movie* movie) { delete movie; }
+
+l4d_status l4dpy_movie_get(l4dpy_movie* movie, l4d_timeline* timeline, uint64_t* num_gaussians,
+                           l4d_decoder** first) {
+  return guarded([&] {
+    *timeline = movie->members.timeline();
+    *num_gaussians = movie->members.num_gaussians();
+    *first = movie->members.first().get();
+  });
+}
+
+l4d_status l4dpy_movie_show(l4dpy_movie* movie, double time, l4dpy_shown* out, uint64_t capacity,
+                            uint64_t* count) {
+  return guarded([&] {
+    const auto& shown = movie->members.show(time);
+    movie->members.close_others();
+    *count = shown.size();
+    for (size_t i = 0; i < std::min<uint64_t>(capacity, *count); ++i) {
+      out[i] = {shown[i].decoder->get(), shown[i].time, shown[i].shift};
+    }
+  });
+}
+
+l4d_status l4dpy_read_cameras(const char* path, l4d_camera* out, int32_t* ids, uint64_t capacity,
+                              uint64_t* count) {
+  return guarded([&] {
+    const l4d::io::CameraSet set = l4d::io::read_cameras(path);
+    *count = set.cameras.size();
+    for (size_t i = 0; i < std::min<uint64_t>(capacity, *count); ++i) {
+      out[i] = set.cameras[i].camera;
+      ids[i] = set.cameras[i].id;
+    }
+  });
+}

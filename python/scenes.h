@@ -1,0 +1,100 @@
+/* SPDX-License-Identifier: Apache-2.0
+ * scenes.h: scenes of files, and the distance between two scenes, for the Python module. The C API
+ * does not contain these; the folders io and eval do. Functions follow the conventions of l4d.h.
+ */
+#ifndef L4D_PYTHON_SCENES_H
+#define L4D_PYTHON_SCENES_H
+
+#include "l4d/render.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* A scene in memory. It never changes, so that several threads may read it. */
+typedef struct l4dpy_scene l4dpy_scene;
+
+typedef struct l4dpy_parts {
+  l4d_gaussians gaussians;
+  l4d_timeline timeline;
+  l4d_placement placement;
+  l4d_rendering rendering;
+  l4d_presentation presentation;
+  const char* source; /* name of the format that the scene was read from */
+  const char* notes;  /* approximations that the import made, one a line */
+} l4dpy_parts;
+
+/* Reads a PLY of any kind that the tool reads. seconds, fps: the timeline of a PLY that states
+ * none; 0 = 1 second, 30 frames a second. Fails with IO, CORRUPT, FEATURE_UNSUPPORTED. */
+l4d_status l4dpy_read_ply(const char* path, double seconds, double fps, l4dpy_scene** out);
+/* Decodes all of the first stream of a file. */
+l4d_status l4dpy_read_stream(const l4d_reader* reader, l4dpy_scene** out);
+/* Copies a scene. `source` and `notes` may be NULL. */
+l4d_status l4dpy_copy(const l4dpy_parts* parts, l4dpy_scene** out);
+void l4dpy_destroy(l4dpy_scene* scene); /* accepts NULL */
+/* The parts of a scene. The arrays are borrowed until the scene is destroyed. */
+void l4dpy_get(const l4dpy_scene* scene, l4dpy_parts* out);
+
+/* Writes a PLY with all attributes ("l4d") or one of FreeTimeGS ("ftgs"). Fails with IO. */
+l4d_status l4dpy_write_ply(const l4dpy_scene* scene, const char* format, const char* path);
+/* Writes the 3D Gaussians of an instant as a 3DGS PLY. splats: `count` of them, with position,
+ * covariance, opacity and sh. */
+l4d_status l4dpy_write_splats(const l4d_splat_buffers* splats, uint32_t sh_degree,
+                              const char* path);
+
+/* One error of a comparison. NaN = not measured. */
+typedef struct l4dpy_error {
+  const char* name;    /* static */
+  const char* meaning; /* how it is measured; static */
+  double max, rmse, p999;
+} l4dpy_error;
+#define L4DPY_MAX_ERRORS 32
+typedef struct l4dpy_comparison {
+  uint64_t count_a, count_b;
+  uint64_t matched;    /* pairs */
+  uint64_t equal_rows; /* pairs of the same bits */
+  uint32_t identical;  /* 1: the same Gaussians bit for bit, in any order */
+  uint32_t num_errors;
+  char match[16]; /* how Gaussians were paired: "order", "exact" or "nearest" */
+  l4dpy_error errors[L4DPY_MAX_ERRORS];
+} l4dpy_comparison;
+/* Measures how far `b` is from `a`. order: [num_order], the index in `a` of each Gaussian of `b`,
+ * or NULL: Gaussians are then paired by content. threads: 0 = one per core. If
+ * another thread sets *cancel to 1, the call fails with CANCELLED. */
+l4d_status l4dpy_compare(const l4dpy_scene* a, const l4dpy_scene* b, const uint32_t* order,
+                         uint64_t num_order, uint32_t threads, const int32_t* cancel,
+                         l4dpy_comparison* out);
+
+/* A file of several streams as one scene (members.h). It belongs to one thread at a time. */
+typedef struct l4dpy_movie l4dpy_movie;
+typedef struct l4dpy_shown {
+  l4d_decoder* decoder;
+  double time;  /* seconds of the stream */
+  double shift; /* seconds of the file less seconds of the stream */
+} l4dpy_shown;
+/* Opens a file, of which `timeline` is that of the first stream. *out is NULL if the file is one
+ * stream that shows all of its sequence at its own times: a decoder alone then shows the file.
+ * reader->user is used until the movie is destroyed. Fails as l4d_members_open and
+ * l4d_decoder_open do. */
+l4d_status l4dpy_movie_open(const l4d_reader* reader, const l4d_decoder_options* options,
+                            const l4d_timeline* timeline, l4dpy_movie** out);
+void l4dpy_movie_destroy(l4dpy_movie* movie); /* accepts NULL */
+/* The timeline and the Gaussians of all streams. *first receives the decoder of the first stream
+ * that shows something, which is borrowed until l4dpy_movie_show. */
+l4d_status l4dpy_movie_get(l4dpy_movie* movie, l4d_timeline* timeline, uint64_t* num_gaussians,
+                           l4d_decoder** first);
+/* The streams that show `time` (seconds, limited to the file), each with an open decoder that is
+ * borrowed until the next call of this function. *count receives their number; the first
+ * min(capacity, *count) are written to `out`. */
+l4d_status l4dpy_movie_show(l4dpy_movie* movie, double time, l4dpy_shown* out, uint64_t capacity,
+                            uint64_t* count);
+
+/* The cameras of a file that the tool reads (docs/formats.md). *count receives their number; the
+ * first min(capacity, *count) are written to `out`, and their ids to `ids`. */
+l4d_status l4dpy_read_cameras(const char* path, l4d_camera* out, int32_t* ids, uint64_t capacity,
+                              uint64_t* count);
+
+#ifdef __cplusplus
+}
+#endif
+#endif /* L4D_PYTHON_SCENES_H */

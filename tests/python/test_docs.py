@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Python of docs/python.md and of README.md runs, from its first line to its last."""
+
+import os
+import pathlib
+import re
+import shutil
+
+import pytest
+
+import l4dcodec
+
+SOURCE = pathlib.Path(os.environ["L4D_SOURCE"])
+
+
+@pytest.mark.parametrize("page,least", [("docs/python.md", 6), ("README.md", 1)])
+def test_snippets(folder: pathlib.Path, tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch, page: str,
+                  least: int) -> None:
+    for name in ("scene.ply", "scene.l4d"):
+        shutil.copy(folder / name, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"^```python\n(.*?)^```", (SOURCE / page).read_text(encoding="utf-8"), re.M | re.S)
+    assert len(blocks) >= least
+    names: "dict[str, object]" = {}
+    for block in blocks:
+        exec(compile(block, page, "exec"), names)
+
+
+def test_what_the_page_says_of_slices() -> None:
+    page = (SOURCE / "docs/python.md").read_text(encoding="utf-8")
+    for name in re.findall(r"^\| `(\w+)` \|", page, re.M):
+        assert name in l4dcodec.Splats.__dataclass_fields__ or hasattr(l4dcodec.Splats, name)
+
+
+def test_all_that_is_public_is_described() -> None:
+    for name in l4dcodec.__all__:
+        value = getattr(l4dcodec, name)
+        assert value.__doc__ and not value.__doc__.startswith(f"{name}("), name
+        for member, item in vars(value).items() if isinstance(value, type) else ():
+            if callable(item) and not member.startswith("_") and name not in ("Status", "Record"):
+                assert item.__doc__ or member in ("of_c", "to_c"), f"{name}.{member}"

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Python gives what the tool gives, byte for byte."""
+
+import dataclasses
+import json
+import pathlib
+import struct
+import zlib
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import tool
+
+import l4dcodec as l4d
+
+
+@pytest.mark.parametrize("preset", ["default", "tiny", "indexed", "lossless"])
+def test_encode_writes_the_bytes_of_the_tool(folder: pathlib.Path, tmp_path: pathlib.Path, preset: str) -> None:
+    tool("encode", folder / "scene.ply", "--preset", preset, "-o", tmp_path / "tool.l4d")
+    report = l4d.encode(folder / "scene.ply", tmp_path / "python.l4d", preset=preset)
+    expected = (tmp_path / "tool.l4d").read_bytes()
+    assert (tmp_path / "python.l4d").read_bytes() == expected
+    assert report.file_bytes == len(expected)
+
+
+def test_encode_takes_the_parameters_of_the_tool(folder: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    tool("encode", folder / "scene.ply", "--preset", "indexed", "--effort", 3, "--codebook", "sh=256",
+         "--stages", "scale=1,0.25", "--tiers", "0.3,0.6", "--seed", 7, "-o", tmp_path / "tool.l4d")
+    with open(tmp_path / "python.l4d", "wb") as out:
+        l4d.encode(l4d.read(folder / "scene.ply"), out, preset="indexed", seed=7, threads=1,
+                   parameters={"effort": 3, "codebook_size.sh": 256, "stages.scale": [1, 0.25], "tiers": [0.3, 0.6]})
+    assert (tmp_path / "python.l4d").read_bytes() == (tmp_path / "tool.l4d").read_bytes()
+    l4d.encode(folder / "scene.ply", tmp_path / "41.l4d", quality=41)
+    tool("encode", folder / "scene.ply", "--quality", 41, "-o", tmp_path / "tool41.l4d")
+    assert (tmp_path / "41.l4d").read_bytes() == (tmp_path / "tool41.l4d").read_bytes()
+
+
+def test_encode_takes_weights(folder: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    tool("encode", folder / "scene.ply", "--orbit", 2, "--save-weights", tmp_path / "weights.ply", "--all-views",
+         "-o", tmp_path / "tool.l4d")
+    rows = (tmp_path / "weights.ply").read_bytes()
+    header, _, data = rows.partition(b"end_header\n")
+    names = [line.split()[2].decode() for line in header.splitlines() if line.startswith(b"property float")]
+    columns = np.frombuffer(data, "<f4").reshape(-1, len(names)).T
+    weights = {name.replace("weight_", ""): column for name, column in zip(names, columns)}
+    assert set(weights) == set(["sh", "scale", "rotor_spatial", "rotor_temporal", "alpha_t", "position", "opacity",
+                                "mean_t"])
+    l4d.encode(folder / "scene.ply", tmp_path / "python.l4d", weights=weights,
+               parameters={"weight-metric": 1, "weight-views": 2})
+    assert (tmp_path / "python.l4d").read_bytes() == (tmp_path / "tool.l4d").read_bytes()
+    with pytest.raises(l4d.Error, match="`alpha` is no weight"):
+        l4d.encode(folder / "scene.ply", tmp_path / "x.l4d", weights={"alpha": [1.0]})
+
+
+@pytest.mark.parametrize("time", [0, 0.7, 1.999, 5])
+def test_slice_is_that_of_the_tool(folder: pathlib.Path, tmp_path: pathlib.Path, time: float) -> None:
+    tool("slice", folder / "scene.l4d", "--time", time, "-o", tmp_path / "tool.ply")
+    with l4d.open(folder / "scene.l4d") as stream:
+        stream.slice(time).write(tmp_path / "python.ply")
+    assert (tmp_path / "python.ply").read_bytes() == (tmp_path / "tool.ply").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["scene", "lossless"])
+@pytest.mark.parametrize("form", ["l4d", "ftgs"])
+def test_scenes_are_written_as_by_the_tool(folder: pathlib.Path, tmp_path: pathlib.Path, name: str, form: str) -> None:
+    tool("decode", folder / f"{name}.l4d", "--format", form, "-o", tmp_path / "tool.ply")
+    l4d.read(folder / f"{name}.l4d").write(tmp_path / "python.ply", form)
+    assert (tmp_path / "python.ply").read_bytes() == (tmp_path / "tool.ply").read_bytes()
+
+
+def test_what_an_import_approximates_is_a_warning(folder: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    l4d.open(folder / "scene.l4d").slice(1).write(tmp_path / "frame.ply")
+    with pytest.warns(UserWarning, match="frame.ply.*Static Gaussians last"):
+        scene = l4d.read(tmp_path / "frame.ply", seconds=3, fps=10)
+    assert (scene.timeline.num_frames, scene.source) == (30, "3dgs_ply") and scene.notes
+    tool("encode", tmp_path / "frame.ply", "--seconds", 3, "--fps", 10, "-o", tmp_path / "tool.l4d")
+    l4d.encode(scene, tmp_path / "python.l4d")
+    assert (tmp_path / "python.l4d").read_bytes() == (tmp_path / "tool.l4d").read_bytes()
+
+
+def test_decode_gives_the_arrays_of_the_tool(folder: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    tool("decode", folder / "scene.l4d", "--format", "raw", "-o", tmp_path / "raw.safetensors")
+    data = (tmp_path / "raw.safetensors").read_bytes()
+    size = int.from_bytes(data[:8], "little")
+    arrays = {}
+    for name, entry in json.loads(data[8:8 + size]).items():
+        if name != "__metadata__":
+            begin, end = entry["data_offsets"]
+            kind = {"F32": "<f4", "F64": "<f8", "U32": "<u4", "U64": "<u8"}[entry["dtype"]]
+            arrays[name] = np.frombuffer(data[8 + size:][begin:end], kind).reshape(entry["shape"])
+    scene = l4d.open(folder / "scene.l4d").decode()
+    arrays["mean_t"] = arrays["mean_t_exact"]
+    for name in ("position", "mean_t", "log_scale", "rotor", "opacity", "sh"):
+        array = arrays[name]
+        assert np.array_equal(getattr(scene, name).view(np.uint8), array.view(np.uint8)), name
+
+
+def test_compare_gives_the_figures_of_the_tool(folder: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    a, b = folder / "scene.ply", folder / "scene.l4d"
+    tool("encode", a, "-o", tmp_path / "again.l4d", "--order", tmp_path / "order")
+    order = np.fromfile(tmp_path / "order", "<u4")
+    assert np.array_equal(order, l4d.encode(a, tmp_path / "python.l4d").order)
+    for given in (None, order):
+        expected = json.loads(tool("compare", a, b, "--json", *([] if given is None else ["--order", tmp_path / "order"])))
+        found = l4d.compare(a, b, order=given)
+        assert (found.match, found.matched, found.identical) == (expected["match"], 3000, expected["identical"])
+        for name, error in expected["attributes"].items():
+            assert (found.errors[name].max, found.errors[name].rmse) == (error["max"], error["rmse"]), name
+        for name, error in expected["seen"].items():
+            assert name == "min_size" or found.errors[name].p999 == error["p999"], name
+        assert found.errors["visible_position"].max == expected["visible_position"]["max"]
+    assert l4d.compare(l4d.read(a), folder / "lossless.l4d").identical
+
+
+def read_png(path: pathlib.Path) -> "np.ndarray[Any, Any]":
+    """[height, width, 3] bytes of a PNG of 8 bits, RGB."""
+    data, at, packed = path.read_bytes(), 8, b""
+    while at < len(data):
+        size, kind = struct.unpack(">I4s", data[at:at + 8])
+        if kind == b"IHDR":
+            width, height = struct.unpack(">II", data[at + 8:at + 16])
+        packed += data[at + 8:at + 8 + size] if kind == b"IDAT" else b""
+        at += size + 12
+    rows = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(height, 1 + 3 * width)
+    out = np.zeros((height + 1, 3 * width + 3), np.int32)  # with a row above and a pixel to the left
+    for y, row in enumerate(rows, start=1):
+        for x in range(3, 3 * width + 3):
+            left, above, corner = out[y, x - 3], out[y - 1, x], out[y - 1, x - 3]
+            paeth = min((abs(above - corner), 0, left), (abs(left - corner), 1, above),
+                        (abs(left + above - 2 * corner), 2, corner))[2]
+            out[y, x] = (row[x - 2] + (0, left, above, (left + above) // 2, paeth)[row[0]]) % 256
+    return out[1:, 3:].reshape(height, width, 3)
+
+
+def test_render_draws_what_the_tool_draws(folder: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    tool("synth", "--scene", "square", "--seconds", 1, "--gaussians", 2000, "--cameras-out", tmp_path / "cameras.json",
+         "-o", tmp_path / "square.ply")
+    tool("encode", tmp_path / "square.ply", "-o", tmp_path / "square.l4d")
+    tool("render", tmp_path / "square.l4d", "--time", 0.5, "--cameras", tmp_path / "cameras.json", "--camera", 0,
+         "--scale", 0.25, "-o", tmp_path / "tool.png")
+    camera = dict(l4d.read_cameras(tmp_path / "cameras.json"))[0]
+    small = dataclasses.replace(camera, width=240, height=135, K=np.diag([0.25, 0.25, 1]) @ camera.K)
+    stream = l4d.open(tmp_path / "square.l4d")
+    image = stream.render(0.5, small)
+    expected = read_png(tmp_path / "tool.png")
+    assert image.shape == expected.shape == (135, 240, 3) and image.std() > 0.02
+    assert np.abs(255 * image.clip(0, 1) - expected).max() <= 0.51
+    assert stream.render(0.5, small, alpha=True)[..., 3].max() <= 1
+    # The scene suggests camera 0; the numbers of the suggestion are rounded.
+    assert np.abs(stream.render(0.5) - stream.render(0.5, camera)).mean() < 1e-3
+    with pytest.raises(ValueError, match="suggests no camera"):
+        l4d.open(folder / "scene.l4d").render(0.5)
+    with pytest.raises(l4d.Error, match="camera"):
+        stream.render(0.5, dataclasses.replace(camera, viewmat=2 * np.eye(4)))
