@@ -23,7 +23,7 @@ const sleep = ms => new Promise(resolve => setTimeout(resolve, ms));
  * @param {string} [folder] of the files beside them
  */
 export const serve = async (streams, faults = {}, folder = 'build/web/player') => {
-  const requests = [];
+  const requests = [], methods = [];
   let busyUntil = 0;
   const server = createServer(async (request, response) => {
     const name = new URL(request.url ?? '/', 'http://x').pathname.slice(1) || 'index.html';
@@ -36,13 +36,15 @@ export const serve = async (streams, faults = {}, folder = 'build/web/player') =
       }
       return;
     }
+    methods.push(request.method);
+    if (request.method === 'OPTIONS') return response.writeHead(405).end();
     const bytes = readFileSync(streams[name]);
-    const match = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? '');
+    const match = /^bytes=(\d+)-(\d*)$/.exec(request.headers.range ?? '');
     await faults.hold?.(Number(match?.[1] ?? 0));
     const etag = faults.etag ?? '"1"';
-    const part = match && faults.ranges !== false && (request.headers['if-range'] ?? etag) === etag;
+    const part = match && faults.ranges !== false;
     const begin = part ? Number(match[1]) : 0;
-    const end = part ? Math.min(Number(match[2]) + 1, bytes.length) : bytes.length;
+    const end = part && match[2] ? Math.min(Number(match[2]) + 1, bytes.length) : bytes.length;
     requests.push([begin, end - begin]);
     if (faults.delay) await sleep(faults.delay);
     if (faults.status || begin >= bytes.length) return response.writeHead(faults.status ?? 416).end();
@@ -64,7 +66,7 @@ export const serve = async (streams, faults = {}, folder = 'build/web/player') =
   });
   await new Promise(resolve => server.listen(0, '127.0.0.1', () => resolve(undefined)));
   return {
-    url: `http://127.0.0.1:${server.address().port}/`, requests, faults,
+    url: `http://127.0.0.1:${server.address().port}/`, requests, methods, faults,
     close: () => { server.closeAllConnections(); server.close(); }
   };
 };
@@ -78,10 +80,13 @@ const webgpuFlags = ['--enable-unsafe-webgpu', '--use-webgpu-adapter=swiftshader
 const gpuFlags = ['--no-sandbox', '--disable-dev-shm-usage', '--ignore-gpu-blocklist', '--use-gl=angle', '--use-angle=gl-egl',
                   '--enable-unsafe-webgpu'];
 
-/** @param {{webgpu?: boolean, gpu?: boolean}} [options] webgpu: on the processor, gpu: what the GPU offers over EGL */
-export const launch = ({webgpu = false, gpu = false} = {}) => chromium.launch({
+/**
+ * @param {{webgpu?: boolean, gpu?: boolean, args?: string[]}} [options] webgpu: on the processor, gpu: what the GPU offers over EGL;
+ * args: more of them
+ */
+export const launch = ({webgpu = false, gpu = false, args = []} = {}) => chromium.launch({
   executablePath: process.env.L4D_CHROMIUM ?? '/usr/bin/chromium',
-  args: gpu ? gpuFlags : [...flags, ...webgpu ? webgpuFlags : []]
+  args: [...gpu ? gpuFlags : [...flags, ...webgpu ? webgpuFlags : []], ...args]
 });
 
 /** An empty page of a server, which modules can be imported into. @param {any} browser @param {string} url */

@@ -4,8 +4,8 @@
  * What opening, seeking and slicing fail with, unless they are aborted (abortError). `code`: a status of the library
  * without its prefix ("CORRUPT", "NOT_L4D", "INVALID_ARGUMENT"), or
  * "NETWORK" (no answer, or one that was not finished), "NOT_FOUND" (status 404 or 410), "HTTP" (another status),
- * "NO_RANGES" (the server does not answer with the parts of the file that are wanted), "CORS" (a server of another origin
- * hides headers that are needed), "CHANGED" (another file lies at the URL now), "PLAYLIST", "WEBGL2" (the browser has none),
+ * "NO_RANGES" (the server does not answer with the parts of the file that are wanted), "REQUEST" (what the page gave as `request`
+ * fails), "CHANGED" (another file lies at the URL now), "PLAYLIST", "WEBGL2" (the browser has none),
  * "INTERNAL".
  */
 export class L4DError extends Error {
@@ -49,19 +49,20 @@ export class L4DError extends Error {
 
 /** The error for an answer without bytes of the file. @param {string} url @param {number} status */
 export const statusError = (url, status) => {
-  if (status >= 500) return new L4DError('NETWORK', `${url}: status ${status}`);
+  if (status >= 500 || status === 408 || status === 429) return new L4DError('NETWORK', `${url}: status ${status}`);
   if (status === 404 || status === 410) return new L4DError('NOT_FOUND', `${url}: status ${status}; check the address`);
-  const why = status === 401 || status === 403 ? '; it may want `headers` or `credentials`, which open() takes' : '';
+  const why = status === 401 || status === 403 ? '; it may want `headers`, `credentials` or a `request` that signs, which open() takes' : '';
   return new L4DError('HTTP', `${url}: status ${status}${why}`);
 };
 
-/** Of a request without an answer. @param {string} url @param {any} error of fetch() */
-export const fetchError = (url, error) => {
+/** Of a request without an answer. @param {string} url @param {any} error of fetch() @param {string[]} [headers] of the page */
+export const fetchError = (url, error, headers = []) => {
   const {origin} = globalThis.location ?? {};
   // Browsers do not say which it was.
-  const why = origin && new URL(url, origin).origin !== origin ?
-    '; a server of another origin must also allow this page to read the file (Access-Control-Allow-Origin)' : '';
-  return new L4DError('NETWORK', `${url}: ${error?.message ?? error}${why}`);
+  const why = !origin || new URL(url, origin).origin === origin ? '' :
+    '; a server of another origin must also allow this page to read the file (Access-Control-Allow-Origin)' +
+    (headers.length > 0 ? ` and to send ${headers.join(', ')} (Access-Control-Allow-Headers, in the answer to OPTIONS)` : '');
+  return Object.assign(new L4DError('NETWORK', `${url}: ${error?.message ?? error}${why}`), {cause: error});
 };
 
 /** What browsers fail with when something is aborted. @param {string} [why] */

@@ -38,12 +38,21 @@ import {frameOfTime} from './timeline.js';
  *   it is, and so does a file whose server knows no ranges
  * @property {number} [maxRows] Gaussians held for showing, each bucket rounded up to 256 (2^21)
  * @property {boolean} [tolerant] show the intact rest of a damaged stream (true); `losses` and event 'loss' name what it lacks
- * @property {Record<string, string>} [headers] of requests
+ * @property {Record<string, string>} [headers] of requests to the host of the source; those of another origin must allow them
  * @property {RequestCredentials} [credentials] of requests
+ * @property {(request: import('./link.js').Request) => RequestChange | Promise<RequestChange>} [request] is called before each
+ *   request, also one that is sent again, and may change what it returns: an address that is signed, a token of now
+ * @property {RequestCache} [cache] how requests use the browser's cache ('default': as the server says); 'no-store': not at all
+ * @property {number} [timeout] seconds without a byte, after which a request has failed (10)
+ * @property {number} [retries] how often a request is sent again that has failed (3)
+ * @property {(string | URL)[]} [bases] addresses of folders with the same files, the first of which the source is relative to:
+ *   what fails at one is sent to the next
  * @property {boolean} [playlist] of several streams (whether the path of the URL ends with .m3u8)
  * @property {string | URL} [wasmUrl] where l4d.wasm lies (beside this module)
  * @property {() => Worker} [worker] makes the worker, for pages that bundle it themselves
  */
+
+/** @typedef {Partial<import('./link.js').Request> | void} RequestChange */
 
 /**
  * Opens a stream.
@@ -52,7 +61,7 @@ import {frameOfTime} from './timeline.js';
  */
 export const open = async (from, options = {}) => {
   if (options.signal?.aborted) throw abortError();
-  for (const name of /** @type {const} */ (['cacheBytes', 'maxRows'])) {
+  for (const name of /** @type {const} */ (['cacheBytes', 'maxRows', 'timeout', 'retries'])) {
     const value = options[name];
     if (value === undefined || typeof value === 'number' && value >= 0) continue;
     throw invalid(`${name} is ${String(value)}; it must be a number from 0`);
@@ -86,13 +95,13 @@ const detailOf = (detail, details) => {
   return detail;
 };
 
-/** Relative to the page. @param {string | URL} address */
-const addressOf = address => {
+/** @param {string | URL} address @param {string} [base] the page */
+const addressOf = (address, base = globalThis.location?.href) => {
   if (typeof address !== 'string' && !(address instanceof URL)) {
     throw invalid('a source is a URL, a Blob or bytes');
   }
   try {
-    return new URL(address, globalThis.location?.href).href;
+    return new URL(address, base).href;
   } catch {
     throw invalid(`${String(address).slice(0, 100)} is no URL`);
   }
@@ -152,7 +161,9 @@ export class Movie extends Emitter {
   /** Of `open`. @param {string | URL | Blob | ArrayBuffer | ArrayBufferView} from */
   async start(from) {
     /** @type {any} */
-    const source = {headers: this.options.headers, credentials: this.options.credentials};
+    const source = {};
+    const {headers, credentials, cache, timeout, retries, request} = this.options;
+    const bases = (this.options.bases ?? []).map(base => addressOf(base));
     /** @type {Transferable[]} */
     const transfer = [];
     if (from instanceof ArrayBuffer) transfer.push(source.buffer = from);
@@ -160,13 +171,15 @@ export class Movie extends Emitter {
       source.buffer = new Uint8Array(from.buffer, from.byteOffset, from.byteLength).slice().buffer;
       transfer.push(source.buffer);
     } else if (from instanceof Blob) source.blob = from;
-    else source.url = addressOf(from);
+    else source.url = addressOf(from, bases[0]);
     const {cacheBytes, maxRows, tolerant} = this.options;
     const wasmUrl = addressOf(this.options.wasmUrl ?? new URL('./l4d.wasm', import.meta.url));
     const isPlaylist = source.url !== undefined &&
       (this.options.playlist ?? /\.m3u8$/i.test(new URL(source.url).pathname));
-    const {playlist, ...info} = await this.#call('open', {source, isPlaylist, wasmUrl, options: {cacheBytes, maxRows, tolerant}},
-                                                 this.options.signal, transfer);
+    const {playlist, ...info} = await this.#call('open', {
+      source, isPlaylist, wasmUrl, options: {cacheBytes, maxRows, tolerant},
+      link: {headers, credentials, cache, timeout, retries, bases}, asks: request !== undefined
+    }, this.options.signal, transfer);
     this.info = info;
     this.maxRows = info.maxRows;
     if (playlist) {
@@ -379,6 +392,8 @@ export class Movie extends Emitter {
       this.calls.delete(data.id);
       if (data.error) call?.reject(errorOf(data.error));
       else call?.resolve(data.result);
+    } else if (type === 'request') {
+      void this.#change(data);
     } else if (type === 'ready') {
       this.#ready(rest);
     } else if (type === 'error') {
@@ -409,6 +424,20 @@ export class Movie extends Emitter {
     } else {
       this.emit(type, rest);
     }
+  }
+
+  /** Before a request, as the worker asks. @param {{id: number, request: import('./link.js').Request}} message */
+  async #change({id, request}) {
+    /** @type {any} */
+    let answer;
+    try {
+      const {url, headers, credentials} = await this.options.request?.(request) ?? request;
+      answer = Object.fromEntries(Object.entries({url, headers, credentials}).filter(([, value]) => value !== undefined));
+      if (url !== undefined) answer.url = addressOf(url, request.url);
+    } catch (error) {
+      answer = {error: L4DError.toData(new L4DError('REQUEST', `${request.url}: ${/** @type {any} */ (error)?.message ?? error}`))};
+    }
+    this.worker.postMessage({type: 'requested', id, answer});
   }
 
   /** @param {{members: import('./playlist.js').Member[], live: boolean}} message */

@@ -17,7 +17,7 @@ const damages = [...absences, 'CORRUPT', 'CHECKSUM', 'TRUNCATED', 'NOT_L4D', 'VE
  * @typedef {object} Host what a part belongs to
  * @property {WebAssembly.Instance} instance
  * @property {any} options of the presentation
- * @property {(entry: import('./playlist.js').Member) => any} sourceOptions
+ * @property {import('./link.js').Link} link
  * @property {(part: Part, message: any, transfer?: Transferable[]) => void} receive messages of its session
  * @property {(part: Part, rows: number) => void} room
  * @property {(...transfer: [number, number, number, number]) => void} transferred
@@ -30,7 +30,7 @@ export class Part {
     this.entry = entry;
     this.host = host;
     const {url, offset, bytes} = entry;
-    const source = new HttpSource(url, {...host.sourceOptions(entry), part: bytes > 0 ? {offset, bytes} : undefined});
+    const source = new HttpSource(url, {link: host.link, part: bytes > 0 ? {offset, bytes} : undefined});
     this.session = new Session(host.instance, source, (message, transfer) => host.receive(this, message, transfer), {
       ...host.options, maxRows: undefined, acceptNeeds: true, room: rows => host.room(this, rows),
       onIdle: host.changed, onTransfer: host.transferred

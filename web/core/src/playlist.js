@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Playlists of files of several streams: HLS with the tags of `l4dcodec manifest` and `encode --live --playlist`.
 // What a playlist says decides on requests and memory, so all of it is checked.
-import {fetchError, L4DError, statusError} from './errors.js';
+import {L4DError} from './errors.js';
 
 /**
  * @typedef {object} Member a stream of the presentation
@@ -204,35 +204,21 @@ export const appended = (before, after) => {
 
 /**
  * Fetches a playlist.
- * @param {string} url @param {{fetch: typeof globalThis.fetch, headers?: Record<string, string>, credentials?: RequestCredentials}} how
- * @param {AbortSignal} signal
+ * @param {string} url @param {import('./link.js').Link} link @param {AbortSignal} signal
  */
-export const loadPlaylist = async (url, how, signal) => {
-  const {headers, credentials} = how;
-  try {
-    const response = await how.fetch(url, {headers, credentials, signal, cache: 'no-store'});
-    if (!response.ok) throw statusError(url, response.status);
-    // Of another address after a redirection, which references are relative to.
-    return parsePlaylist(await textOf(response, url), response.url || url);
-  } catch (error) {
-    const failure = /** @type {any} */ (error);
-    if (failure instanceof L4DError || failure?.name === 'AbortError') throw failure;
-    throw fetchError(url, failure);
-  }
-};
+export const loadPlaylist = (url, link, signal) => link.insist(async () => {
+  const answer = await link.send(url, signal, {cache: link.revalidated});
+  // Of another address after a redirection, which references are relative to.
+  return parsePlaylist(await textOf(answer, url), answer.response.redirected ? answer.response.url : url);
+}, signal);
 
-/** @param {Response} response @param {string} url */
-const textOf = async (response, url) => {
+/** @param {import('./link.js').Answer} answer @param {string} url */
+const textOf = async (answer, url) => {
   const decoder = new TextDecoder();
-  const reader = /** @type {ReadableStream<Uint8Array>} */ (response.body).getReader();
   let text = '';
-  for (;;) {
-    const {done, value} = await reader.read();
-    if (value) text += decoder.decode(value, {stream: true});
-    if (text.length > limits.characters) {
-      void reader.cancel();
-      throw new L4DError('LIMIT_EXCEEDED', `${url}: the playlist is too long`);
-    }
-    if (done) return text + decoder.decode();
+  for await (const piece of answer.pieces()) {
+    text += decoder.decode(piece, {stream: true});
+    if (text.length > limits.characters) throw new L4DError('LIMIT_EXCEEDED', `${url}: the playlist is too long`);
   }
+  return text + decoder.decode();
 };

@@ -3,6 +3,7 @@
 // worker in place of a session, and is driven as one.
 import {instantiate} from './decoder.js';
 import {abortError, L4DError} from './errors.js';
+import {Link} from './link.js';
 import {Part, slack} from './part.js';
 import {appended, loadPlaylist} from './playlist.js';
 import {joinSlices, widenHarmonics} from './joined.js';
@@ -23,15 +24,14 @@ export class Presentation {
   /**
    * @param {WebAssembly.Module | Promise<WebAssembly.Module>} module @param {string} url of the playlist
    * @param {(message: any, transfer?: Transferable[]) => void} post
-   * @param {{cacheBytes?: number, maxRows?: number, tolerant?: boolean, headers?: Record<string, string>,
-   *   credentials?: RequestCredentials, fetch?: typeof fetch, onRetry?: (message: string) => void}} [options]
+   * @param {{cacheBytes?: number, maxRows?: number, tolerant?: boolean} & import('./link.js').LinkOptions} [options]
    */
   constructor(module, url, post, options = {}) {
     this.module = module;
     this.url = url;
     this.post = post;
     this.options = options;
-    this.fetch = options.fetch ?? globalThis.fetch.bind(globalThis);
+    this.link = new Link(url, options);
     this.spans = new Spans([]);
     /** @type {import('./playlist.js').Playlist} */
     this.playlist = {members: [], complete: false, targetDuration: 1};
@@ -58,7 +58,7 @@ export class Presentation {
     this.info = /** @type {import('./session.js').MovieInfo} */ (/** @type {unknown} */ (null));
     this.host = {
       options, instance: this.instance,
-      sourceOptions: (/** @type {Member} */ entry) => this.#sourceOptions(entry),
+      link: this.link,
       receive: (/** @type {Part} */ part, /** @type {any} */ message, /** @type {Transferable[]} */ transfer = []) =>
         this.#receive(part, message, transfer),
       room: (/** @type {Part} */ part, /** @type {number} */ rows) => this.#room(part, rows),
@@ -203,18 +203,10 @@ export class Presentation {
 
   // ---- the playlist
 
-  /** @param {Member} entry */
-  #sourceOptions(entry) {
-    const {credentials, onRetry} = this.options;
-    // A playlist may name other hosts, which what is in headers is not meant for.
-    const headers = new URL(entry.url).origin === new URL(this.url).origin ? this.options.headers : undefined;
-    return {headers, credentials, onRetry, fetch: this.fetch};
-  }
-
   /** @param {AbortSignal} signal */
   async #firstPlaylist(signal) {
     for (;;) {
-      this.playlist = await loadPlaylist(this.url, {...this.options, fetch: this.fetch}, signal);
+      this.playlist = await loadPlaylist(this.url, this.link, signal);
       this.spans = new Spans(this.playlist.members);
       if (this.spans.media.length > 0) return;
       if (this.playlist.complete) throw new L4DError('PLAYLIST', `${this.url}: no media member`);
@@ -228,7 +220,7 @@ export class Presentation {
     for (let failures = 0, factor = 1; !this.playlist.complete && !signal.aborted;) {
       try {
         await wait(1000 * factor * this.playlist.targetDuration, signal);
-        const next = await loadPlaylist(this.url, {...this.options, fetch: this.fetch}, signal);
+        const next = await loadPlaylist(this.url, this.link, signal);
         const members = appended(this.playlist, next);
         factor = members.length > 0 ? 1 : 0.5;
         failures = 0;

@@ -2,7 +2,8 @@
 // Where bytes come from. A source has open(signal), which returns the size, and
 // read(offset, size, signal, onBytes, onStart), which calls onBytes(offset, bytes) as they arrive and, over a network,
 // onStart() when the answer begins.
-import {abortError, fetchError, L4DError, statusError} from './errors.js';
+import {abortError, L4DError} from './errors.js';
+import {differ, Link} from './link.js';
 
 /** @typedef {(offset: number, bytes: Uint8Array) => void} OnBytes */
 
@@ -31,30 +32,26 @@ export class BlobSource {
 }
 
 const firstBytes = 65536;
-const retryDelays = [200, 800, 2000];  // ms
-
-/** Waits, and fails as soon as the signal aborts. @param {number} ms @param {AbortSignal} signal */
-const wait = (ms, signal) => new Promise((resolve, reject) => {
-  const timer = setTimeout(resolve, ms);
-  signal.addEventListener('abort', () => { clearTimeout(timer); reject(abortError()); }, {once: true});
-});
 
 /**
  * A file behind HTTP: ranges where the server knows them, else read from its beginning. Or a part of one, which may
- * grow behind it: then the server must know ranges, and its ETag says nothing of the part.
+ * grow behind it: then the server must know ranges, and its versions say nothing of the part.
+ *
+ * Requests have no header but Range, which pages may send to any origin without asking first. Neither ETag nor Content-Range
+ * need be exposed to the page.
  */
 export class HttpSource {
   /**
    * @param {string} url
-   * @param {{headers?: Record<string, string>, credentials?: RequestCredentials, fetch?: typeof fetch,
-   *   onRetry?: (message: string) => void, part?: {offset: number, bytes: number}}} [options]
+   * @param {import('./link.js').LinkOptions & {link?: Link, part?: {offset: number, bytes: number}}} [options] link: of
+   *   several files
    */
-  constructor(url, options = {}) {
+  constructor(url, {link, part, ...options} = {}) {
     this.url = url;
-    this.options = options;
-    this.part = options.part ?? null;
-    this.fetch = options.fetch ?? globalThis.fetch.bind(globalThis);
-    this.etag = '';
+    this.link = link ?? new Link(url, options);
+    this.part = part ?? null;
+    /** By the server that it is on: each has versions of its own. @type {Map<number, import('./link.js').Version>} */
+    this.versions = new Map();
     this.size = 0;
     this.control = new AbortController();
     this.isWhole = false;  // the server ignores ranges
@@ -66,7 +63,7 @@ export class HttpSource {
     this.waiting = [];
     /** @type {unknown} */
     this.failure = null;
-    /** @type {ReadableStream<Uint8Array> | null} */
+    /** @type {import('./link.js').Answer | null} */
     this.body = null;
   }
   isLocal = false;
@@ -77,7 +74,7 @@ export class HttpSource {
     const abort = () => this.control.abort();
     signal.addEventListener('abort', abort, {once: true});
     try {
-      return await (this.part ? this.#insist(() => this.#openPart(), signal) : this.#open());
+      return await this.link.insist(refusals => this.part ? this.#openPart() : this.#open(refusals), signal);
     } finally {
       signal.removeEventListener('abort', abort);
     }
@@ -85,49 +82,69 @@ export class HttpSource {
 
   close() { this.control.abort(); }
 
-  async #open() {
-    const response = await this.#request(0, firstBytes, this.control.signal);
-    this.etag = response.headers.get('ETag') ?? '';
-    if (response.status === 206) {
-      this.size = this.#total(response);
-      this.early.push({offset: 0, bytes: new Uint8Array(await response.arrayBuffer())});
+  /** @param {number} refusals before */
+  async #open(refusals) {
+    if (refusals > 1) {
+      // Browsers take no part of a file that is compressed on its way, but all of it.
+      const answer = await this.#requestAll();
+      if (answer.header('Content-Encoding') || !answer.header('Accept-Ranges')) return this.#openWhole(answer);
+      answer.cancel();
+    }
+    const answer = await this.#request(0, firstBytes, this.control.signal, this.link.revalidated);
+    this.versions = new Map([[answer.base, answer.version]]);
+    const length = answer.response.status === 206 ? await this.#total(answer) : 0;
+    if (length > 0) {
+      this.size = length;
+      this.early = [{offset: 0, bytes: await answer.bytes()}];
+    } else if (answer.response.status === 206) {
+      // A part of it, and no word of how much there is: then all of it.
+      answer.cancel();
+      await this.#openWhole(await this.#requestAll());
     } else {
-      this.isWhole = true;
-      const length = Number(response.headers.get('Content-Length') ?? 0);
-      if (!(length > 0) || response.headers.get('Content-Encoding')) {
-        // Its length shows at its end.
-        const bytes = new Uint8Array(await response.arrayBuffer());
-        this.size = this.arrived = bytes.length;
-        this.early.push({offset: 0, bytes});
-      } else {
-        this.size = length;
-        this.body = response.body;
-      }
+      await this.#openWhole(answer);
+    }
+    return this.size;
+  }
+
+  #requestAll() {
+    ++this.requests;
+    return this.link.send(this.url, this.control.signal, {cache: this.link.revalidated});
+  }
+
+  /** @param {import('./link.js').Answer} answer with all of the file */
+  async #openWhole(answer) {
+    this.isWhole = true;
+    const length = Number(answer.header('Content-Length') ?? 0);
+    // Compressed on its way, or maybe, where a server of another origin hides that: its length shows at its end.
+    if (!(length > 0) || answer.header('Content-Encoding') || answer.response.type === 'cors') {
+      const bytes = await answer.bytes();
+      this.size = this.arrived = bytes.length;
+      this.early = [{offset: 0, bytes}];
+    } else {
+      this.size = length;
+      this.body = answer;
     }
     if (this.size === 0) throw new L4DError('TRUNCATED', `${this.url}: the file is empty`);
     return this.size;
   }
 
-  /** How long the file is of which a part has come. @param {Response} response */
-  #total(response) {
-    const range = response.headers.get('Content-Range');
-    if (range === null && response.type === 'cors') {
-      throw new L4DError('CORS', `${this.url}: the server hides from pages of other origins how long the file is; ` +
-        'it must send "Access-Control-Expose-Headers: Content-Range, ETag"');
-    }
-    const total = /\/(\d+)$/.exec(range ?? '')?.[1];
-    if (total === undefined) {
-      throw new L4DError('NO_RANGES', `${this.url}: the server sends a part of the file and does not say how long the file is ` +
-        `(Content-Range: ${range ?? 'none'}); it must say so, or know no ranges and send all of the file`);
-    }
-    return Number(total);
+  /** How long the file is of which a part comes; 0: the answer does not say it. @param {import('./link.js').Answer} answer */
+  #stated(answer) { return Number(/\/(\d+)$/.exec(answer.header('Content-Range') ?? '')?.[1] ?? 0); }
+
+  /** The same, by other means if need be. @param {import('./link.js').Answer} answer */
+  async #total(answer) {
+    if (answer.header('Content-Range') !== null) return this.#stated(answer);
+    // Pages of other origins see Content-Length, always; of all of it, that is what is wanted.
+    ++this.requests;
+    const all = await this.link.send(this.url, this.control.signal, {range: 'bytes=0-'});
+    all.cancel();
+    return all.response.status === 206 ? Number(all.header('Content-Length') ?? 0) : 0;
   }
 
   async #openPart() {
     const {bytes} = /** @type {{bytes: number}} */ (this.part);
     const wanted = Math.min(firstBytes, bytes);
-    const response = await this.#request(0, wanted, this.control.signal);
-    const early = new Uint8Array(await response.arrayBuffer());
+    const early = await (await this.#request(0, wanted, this.control.signal)).bytes();
     if (early.length < wanted) throw new L4DError('TRUNCATED', `${this.url}: the file ends before the part`);
     this.size = bytes;
     this.early = [{offset: 0, bytes: early}];
@@ -147,55 +164,38 @@ export class HttpSource {
    */
   async read(offset, size, signal, onBytes, onStart = () => {}) {
     if (this.isWhole) return this.#awaitWhole(offset + size, signal);
-    return this.#insist(() => this.#readRange(offset, size, signal, onBytes, onStart), signal);
+    return this.link.insist(() => this.#readRange(offset, size, signal, onBytes, onStart), signal);
   }
 
-  /** Tries again where the network fails. @template T @param {() => Promise<T>} fn @param {AbortSignal} signal */
-  async #insist(fn, signal) {
-    for (let attempt = 0; ; ++attempt) {
-      try {
-        return await fn();
-      } catch (error) {
-        const failure = /** @type {any} */ (error);
-        if (failure?.name === 'AbortError') throw error;
-        const again = !(failure instanceof L4DError) || failure.code === 'NETWORK';
-        if (!again || attempt >= retryDelays.length) {
-          throw failure instanceof L4DError ? failure :
-            new L4DError('NETWORK', `${this.url}: ${failure?.message ?? failure}`);
-        }
-        this.options.onRetry?.(String(failure?.message ?? failure));
-        await wait(retryDelays[attempt], signal);
-      }
-    }
-  }
-
-  /** @param {number} offset @param {number} size @param {AbortSignal} signal */
-  async #request(offset, size, signal) {
+  /** @param {number} offset @param {number} size @param {AbortSignal} signal @param {RequestCache} [cache] */
+  async #request(offset, size, signal, cache) {
     ++this.requests;
     const begin = offset + (this.part?.offset ?? 0);
-    /** @type {Record<string, string>} */
-    const headers = {...this.options.headers, Range: `bytes=${begin}-${begin + size - 1}`};
-    // Weak ones do not vouch for bytes.
-    if (this.etag && !this.etag.startsWith('W/')) headers['If-Range'] = this.etag;
-    let response;
-    try {
-      response = await this.fetch(this.url, {headers, signal, credentials: this.options.credentials,
-                                             cache: 'no-store'});
-    } catch (error) {
-      if (/** @type {any} */ (error)?.name === 'AbortError') throw error;
-      throw fetchError(this.url, error);
+    const answer = await this.link.send(this.url, signal, {range: `bytes=${begin}-${begin + size - 1}`, cache});
+    /** @type {(code: string, message: string) => never} */
+    const refuse = (code, message) => {
+      answer.cancel();
+      throw new L4DError(code, `${this.url}: ${message}`);
+    };
+    const {status} = answer.response;
+    if (status === 416 && this.size > 0 && !this.part) refuse('CHANGED', 'the file has become shorter');
+    if (status === 416) refuse('TRUNCATED', `the file ends before byte ${begin}`);
+    const range = status === 206 && answer.header('Content-Range');
+    if (range && !range.startsWith(`bytes ${begin}-`)) refuse('NO_RANGES', `the server answers with ${range}, where byte ${begin} is wanted`);
+    if (this.part && status === 200) {
+      refuse('NO_RANGES', 'the server does not know ranges of bytes, which files of several streams need; put the file on one ' +
+        'that does (all common ones do)');
     }
-    if (response.status === 416) {
-      throw new L4DError(this.etag ? 'CHANGED' : 'TRUNCATED', this.etag ?
-        `${this.url}: the file has become shorter` : `${this.url}: the file ends before byte ${begin}`);
-    }
-    if (response.status !== 206 && response.status !== 200) throw statusError(this.url, response.status);
-    if (this.part && response.status === 200) {
-      void response.body?.cancel();
-      throw new L4DError('NO_RANGES', `${this.url}: the server does not know ranges of bytes, which files of several streams ` +
-        'need; put the file on one that does (all common ones do)');
-    }
-    return response;
+    return answer;
+  }
+
+  /** Whether what comes is of another file than what is here. @param {import('./link.js').Answer} answer */
+  #isOther(answer) {
+    if (this.part) return false;
+    const total = answer.response.status === 206 ? this.#stated(answer) : 0;
+    const known = this.versions.get(answer.base);
+    if (!known) this.versions.set(answer.base, answer.version);
+    return total > 0 && total !== this.size || known !== undefined && differ(known, answer.version);
   }
 
   /**
@@ -203,54 +203,47 @@ export class HttpSource {
    * @param {() => void} onStart
    */
   async #readRange(offset, size, signal, onBytes, onStart) {
-    const response = await this.#request(offset, size, signal);
-    onStart();
-    const etag = response.headers.get('ETag') ?? '';
-    if (this.etag && etag !== this.etag) {
-      void response.body?.cancel();
+    let answer = await this.#request(offset, size, signal);
+    if (this.#isOther(answer)) {
+      // A cache on the way may have an old one.
+      answer.cancel();
+      answer = await this.#request(offset, size, signal, 'reload');
+    }
+    if (this.#isOther(answer)) {
+      answer.cancel();
       throw new L4DError('CHANGED', `${this.url}: the file is another one now`);
     }
-    if (response.status === 200) {
-      // The same file, and no ranges after all.
-      onBytes(0, new Uint8Array(await response.arrayBuffer()));
-      return;
-    }
-    await this.#eachPiece(/** @type {ReadableStream<Uint8Array>} */ (response.body), offset, onBytes, size);
+    onStart();
+    // The same file, and no ranges after all.
+    if (answer.response.status === 200) onBytes(0, await answer.bytes());
+    else await this.#eachPiece(answer, offset, onBytes, size);
   }
 
   /**
    * Whole blocks as they arrive.
-   * @param {ReadableStream<Uint8Array>} body @param {number} offset @param {OnBytes} onBytes
+   * @param {import('./link.js').Answer} answer @param {number} offset @param {OnBytes} onBytes
    * @param {number} size what must come
    */
-  async #eachPiece(body, offset, onBytes, size) {
-    const reader = body.getReader();
+  async #eachPiece(answer, offset, onBytes, size) {
+    const end = offset + size;
     let rest = new Uint8Array(0);
-    let got = 0;
-    for (;;) {
-      const {done, value} = await reader.read();
-      if (value) {
-        got += value.length;
-        const joined = new Uint8Array(rest.length + value.length);
-        joined.set(rest);
-        joined.set(value, rest.length);
-        rest = joined;
-      }
-      const whole = done ? rest.length : Math.floor((offset + rest.length) / 4096) * 4096 - offset;
-      if (whole > 0) {
-        onBytes(offset, rest.subarray(0, whole));
-        offset += whole;
-        rest = rest.slice(whole);
-      }
-      if (done) break;
+    for await (const piece of answer.pieces()) {
+      const joined = new Uint8Array(rest.length + piece.length);
+      joined.set(rest);
+      joined.set(piece, rest.length);
+      const whole = Math.max(Math.floor((offset + joined.length) / 4096) * 4096 - offset, 0);
+      if (whole > 0) onBytes(offset, joined.subarray(0, whole));
+      offset += whole;
+      rest = joined.slice(whole);
     }
-    if (got < size) throw new L4DError('NETWORK', `${this.url}: the answer ended early`);
+    if (rest.length > 0) onBytes(offset, rest);
+    if (offset + rest.length < end) throw new L4DError('NETWORK', `${this.url}: the answer ended early`);
   }
 
-  /** @param {ReadableStream<Uint8Array>} body @param {OnBytes} onBytes */
-  async #readWhole(body, onBytes) {
+  /** @param {import('./link.js').Answer} answer @param {OnBytes} onBytes */
+  async #readWhole(answer, onBytes) {
     try {
-      await this.#eachPiece(body, 0, (offset, bytes) => {
+      await this.#eachPiece(answer, 0, (offset, bytes) => {
         onBytes(offset, bytes);
         this.arrived = offset + bytes.length;
         for (const wake of this.waiting.splice(0)) wake();

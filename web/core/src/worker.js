@@ -12,18 +12,23 @@ const scope = globalThis;
 let session = null;
 /** @type {Map<number, AbortController>} */
 const running = new Map();
+/** What the page is asked before requests. @type {((answer: any) => void)[]} */
+const asked = [];
 
 /** @param {any} message @param {Transferable[]} [transfer] */
 const post = (message, transfer) => scope.postMessage(message, transfer ?? []);
 
 const onRetry = (/** @type {string} */ message) => post({type: 'retry', message});
 
-/** @param {any} from */
-const sourceOf = ({url, blob, buffer, headers, credentials}) => {
-  if (buffer) return new BufferSource(buffer);
-  if (blob) return new BlobSource(blob);
-  return new HttpSource(url, {headers, credentials, onRetry});
-};
+/** @param {import('./link.js').Request} request @returns {Promise<import('./link.js').Request>} */
+const askPage = request => new Promise((resolve, reject) => {
+  const id = asked.push(({error, ...changes}) => error ? reject(L4DError.fromData(error)) : resolve({...request, ...changes})) - 1;
+  post({type: 'request', id, request});
+});
+
+/** @param {any} from @param {import('./link.js').LinkOptions} link */
+const sourceOf = ({url, blob, buffer}, link) =>
+  buffer ? new BufferSource(buffer) : blob ? new BlobSource(blob) : new HttpSource(url, link);
 
 /** @param {string} url @param {AbortSignal} signal */
 const fetchWasm = (url, signal) => fetch(url, {signal}).catch(error => {
@@ -35,10 +40,10 @@ const answers = {
   async open(message, signal) {
     // While it compiles, the first bytes come.
     const wasm = compile(message.wasm ?? fetchWasm(message.wasmUrl, signal));
-    const {source, options} = message;
-    const {url, headers, credentials} = source;
-    session = message.isPlaylist ? new Presentation(wasm, url, post, {...options, headers, credentials, onRetry}) :
-      new Session(wasm, sourceOf(source), post, options);
+    const {source, options, asks} = message;
+    const link = {...message.link, onRetry, request: asks ? askPage : undefined};
+    session = message.isPlaylist ? new Presentation(wasm, source.url, post, {...options, ...link}) :
+      new Session(wasm, sourceOf(source, link), post, options);
     return [await session.open(signal)];
   },
   async slice({time, options}, signal) {
@@ -56,6 +61,10 @@ scope.onmessage = async (/** @type {MessageEvent} */ {data}) => {
     // What is ready from here on has been sent again.
     post({type: 'refreshed'});
     return session?.refresh();
+  }
+  if (data.type === 'requested') {
+    asked[data.id](data.answer);
+    return delete asked[data.id];
   }
   if (data.type === 'abort') return running.get(data.id)?.abort();
   if (data.type === 'dispose') {

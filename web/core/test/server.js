@@ -4,30 +4,36 @@ import {createServer} from 'node:http';
 
 /**
  * @param {Uint8Array} bytes
- * @param {{ranges?: boolean, etag?: () => string, fail?: (count: number) => number | 'cut' | undefined, rate?: number}} [options]
- * fail: a status to answer instead, or 'cut': half of the answer; rate: bytes a second of all answers together
+ * @param {{ranges?: boolean, etag?: () => string, fail?: (count: number) => number | 'cut' | 'silent' | 'stuck' | undefined, rate?: number,
+ *   headers?: (count: number) => Record<string, string>}} [options] fail: a status to answer instead; 'cut': half of the answer,
+ *   'stuck': that, and no end; 'silent': no answer; rate: bytes a second of all answers together; headers: also of answers
  */
-export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail, rate = Infinity} = {}) => {
+export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail, rate = Infinity, headers = () => ({})} = {}) => {
   let free = 0;
   /** @type {[number, number][]} */
   const requests = [];
+  /** @type {import('node:http').IncomingMessage[]} */
+  const seen = [];
+  /** What tests set later: as `fail`. @type {{fault?: any, answer?: (request: import('node:http').IncomingMessage) => any}} */
+  const shared = {};
   const server = createServer(async (request, response) => {
-    const match = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? '');
+    seen.push(request);
+    const match = /^bytes=(\d+)-(\d*)$/.exec(request.headers.range ?? '');
     const begin = match ? Number(match[1]) : 0;
-    const end = Math.min(match ? Number(match[2]) + 1 : bytes.length, bytes.length);
+    const end = Math.min(match?.[2] ? Number(match[2]) + 1 : bytes.length, bytes.length);
     requests.push([begin, end - begin]);
-    const fault = fail?.(requests.length);
+    const fault = shared.fault ?? shared.answer?.(request) ?? fail?.(requests.length);
     if (typeof fault === 'number') return response.writeHead(fault).end();
-    const changed = request.headers['if-range'] && request.headers['if-range'] !== etag();
-    const part = ranges && match && !changed;
+    if (fault === 'silent') return;
+    const part = ranges && match;
     const body = part ? bytes.subarray(begin, end) : bytes;
     if (part && begin >= bytes.length) return response.writeHead(416).end();
     response.writeHead(part ? 206 : 200, {
-      'Content-Length': body.length, ETag: etag(),
-      ...part && {'Content-Range': `bytes ${begin}-${end - 1}/${bytes.length}`}
+      'Content-Length': body.length, ...etag() && {ETag: etag()},
+      ...part && {'Content-Range': `bytes ${begin}-${end - 1}/${bytes.length}`}, ...headers(requests.length)
     });
-    if (fault === 'cut') {
-      response.write(body.subarray(0, body.length / 2), () => response.destroy());
+    if (fault === 'cut' || fault === 'stuck') {
+      response.write(body.subarray(0, body.length / 2), () => { if (fault === 'cut') response.destroy(); });
     } else {
       for (let at = 0; at < body.length && rate < Infinity; at += 4096) {
         free = Math.max(free, performance.now()) + 1000 * 4096 / rate;
@@ -40,12 +46,12 @@ export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail, rat
   });
   await new Promise(resolve => server.listen(0, '127.0.0.1', () => resolve(undefined)));
   const address = /** @type {import('node:net').AddressInfo} */ (server.address());
-  return {
-    url: `http://127.0.0.1:${address.port}/scene.l4d`, requests,
+  return Object.assign(shared, {
+    url: `http://127.0.0.1:${address.port}/scene.l4d`, requests, seen,
     /** @returns {Promise<number>} */
     connections: () => new Promise((resolve, reject) => server.getConnections((error, n) => error ? reject(error) : resolve(n))),
     close: () => { server.closeAllConnections(); server.close(); }
-  };
+  });
 };
 
 /**

@@ -28,7 +28,7 @@ export const parseLink = hash => {
 /** @type {Record<string, string>} */
 const titles = {
   NETWORK: 'The server does not answer', NOT_FOUND: 'The server does not have this file', HTTP: 'The server refuses this file',
-  NO_RANGES: 'This server cannot send parts of this file', CORS: 'The server hides from this page what it must know', CHANGED: 'The file has changed',
+  NO_RANGES: 'This server cannot send parts of this file', REQUEST: 'The page cannot ask for this file', CHANGED: 'The file has changed',
   NOT_L4D: 'This is no .l4d file', PLAYLIST: 'This playlist is damaged', VERSION_UNSUPPORTED: 'This file needs a newer player',
   FEATURE_UNSUPPORTED: 'This file needs a newer player', CORRUPT: 'This file is damaged', CHECKSUM: 'This file is damaged',
   TRUNCATED: 'This file is cut short', LIMIT_EXCEEDED: 'This file needs more memory than a page may use',
