@@ -135,7 +135,7 @@ def main():
         os.mkdir(pieces)
         os.mkdir(served)
         scene = os.path.join(work, "scene.ply")
-        subprocess.run([tool, "synth", "-q", "-n", args.gaussians, "--seconds",
+        subprocess.run([tool, "synth", "--scene", "cloud", "-q", "-n", args.gaussians, "--seconds",
                         str(count * args.segment), "-o", scene], check=True)
         parts = list(pieces_of(scene, args.segment, count))
         processes = []

@@ -20,7 +20,7 @@ struct SynthArguments {
   std::string fps = "30";
   std::string gaussians = "100k";
   std::string static_gaussians;
-  std::string scene = "cloud";
+  std::string scene = "square";
   std::string cameras_out;
   std::vector<std::string> effects;
   uint64_t seed = 1;
@@ -122,9 +122,9 @@ void add_synth(Registry& registry) {
       ->required();
   verb->add_option(
           "--scene", arguments->scene,
-          "cloud: a random room, as hard to code as trained scenes; square: a market square\n"
-          "at dusk, to look at. More than 20 s (for more than 522k Gaussians the more) are\n"
-          "slow motion there")
+          "square: a market square at dusk, to look at. More than 20 s (for more than 522k\n"
+          "Gaussians the more) are slow motion there. cloud: a random room, as hard to code as\n"
+          "trained scenes")
       ->type_name("NAME")
       ->capture_default_str();
   verb->add_option("--cameras-out", arguments->cameras_out,
@@ -144,8 +144,8 @@ void add_synth(Registry& registry) {
           "fixed share of all)")
       ->type_name("N");
   verb->add_option("--effects", arguments->effects,
-                   "What the scene has, comma-separated: " + effect_names("cloud") +
-                       " (default: all\nbut frames); the square has drops and no appear")
+                   "What the scene has, comma-separated: " + effect_names("square") +
+                       " (default: all\nbut frames); the cloud has appear and no drops")
       ->type_name("LIST")
       ->delimiter(',')
       ->allow_extra_args(false);
@@ -155,8 +155,8 @@ void add_synth(Registry& registry) {
       ->capture_default_str();
   verb->footer(
       "Example:\n"
-      "  l4dcodec synth --seconds 10:00 -n 1M --effects static,rigid,view -o long.ply\n"
-      "  l4dcodec synth --scene square -n 500k --cameras-out cameras.json -o square.ply");
+      "  l4dcodec synth -n 500k --cameras-out cameras.json -o square.ply\n"
+      "  l4dcodec synth --scene cloud --seconds 10:00 -n 1M -o long.ply");
 }
 
 }  // namespace l4d::cli

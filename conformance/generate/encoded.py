@@ -45,13 +45,13 @@ def vectors(folder, tool):
     with tempfile.TemporaryDirectory() as work:
         if tool is not None:
             for scene, options in SCENES.items():
-                run(tool, "synth", *options, "-o", f"{work}/{scene}.ply")
+                run(tool, "synth", "--scene", "cloud", *options, "-o", f"{work}/{scene}.ply")
         for name, scene, options in commands():
             path = Path(folder) / "vectors" / "core" / f"encoder-{name}.l4d"
             if tool is not None:
                 path = Path(work) / f"{name}.l4d"
                 run(tool, "encode", f"{work}/{scene}.ply", "-o", str(path), *options)
-            words = " ".join(["l4dcodec synth", *SCENES[scene], f"-o {scene}.ply && l4dcodec encode", f"{scene}.ply",
+            words = " ".join(["l4dcodec synth --scene cloud", *SCENES[scene], f"-o {scene}.ply && l4dcodec encode", f"{scene}.ply",
                               *options])
             yield Vector("core", f"encoder-{name}", "a stream of the production encoder", path.read_bytes(),
                          ["DEC-1", "DEC-2", "LAYR-2"], words, ends=True)

@@ -78,7 +78,7 @@ expect_document() {
 
 # A scene of N Gaussians (default 3000) with every effect.
 make_scene() {
-  l4d synth -q -n "${2:-3000}" --seconds 2 --fps 30 --seed 7 -o "$1"
+  l4d synth --scene cloud -q -n "${2:-3000}" --seconds 2 --fps 30 --seed 7 -o "$1"
 }
 
 # An 8-bit RGB PNG of this size: expect_png FILE WIDTH HEIGHT.

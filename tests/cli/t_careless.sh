@@ -126,9 +126,9 @@ expect 0 encode s.ply -o q.l4d --quality 42dB
 expect 0 encode s.ply -o r.l4d --quality 42
 cmp q.l4d r.l4d
 expect 0 encode s.ply -o u.l4d --metadata $'k=\xc3\xa4\xe2\x82\xac\xf0\x9f\x8e\x88' --metadata l=
-expect 0 synth -n 10 --seed 18446744073709551615 -o seed.ply
-expect 0 synth -n 10 --seed 8 -o eight.ply
-expect 0 synth -n 10 --seed 010 -o ten.ply
+expect 0 synth --scene cloud -n 10 --seed 18446744073709551615 -o seed.ply
+expect 0 synth --scene cloud -n 10 --seed 8 -o eight.ply
+expect 0 synth --scene cloud -n 10 --seed 010 -o ten.ply
 ! cmp -s eight.ply ten.ply || die "010 is taken for eight"
 expect 0 decode s.l4d -o t.ply --time=-1
 expect_text err 'lies outside the sequence'
@@ -188,7 +188,7 @@ expect 3 info s.ply/x
 
 # A disk that is full.
 if [ -c /dev/full ]; then
-  expect 3 synth -n 10 -o /dev/full
+  expect 3 synth --scene cloud -n 10 -o /dev/full
   expect 3 render s.l4d --size 16x16 -o /dev/full
   expect 3 info s.l4d --plot /dev/full
   expect 3 encode s.ply -o x.l4d --order /dev/full
@@ -197,7 +197,7 @@ fi
 status=0
 (
   ulimit -f 20
-  l4d synth -n 10k -o limited.ply > out 2> err
+  l4d synth --scene cloud -n 10k -o limited.ply > out 2> err
 ) || status=$?
 expect_equal "$status" 3
 expect_text err 'limited.ply: cannot write: File too large'

@@ -26,8 +26,8 @@ expect 3 decode d/scene.l4d -o decoded.ply
 expect 0 decode d/scene.l4d -o decoded.ply --force
 expect 2 encode s.ply -o s.ply --force
 expect 2 decode d/scene.l4d -o ./d/../d/scene.l4d --force
-expect 0 synth -n 100 -o small.ply
-expect 3 synth -n 100 -o small.ply
+expect 0 synth --scene cloud -n 100 -o small.ply
+expect 3 synth --scene cloud -n 100 -o small.ply
 expect 3 slice s.ply --time 1 -o small.ply
 expect 3 encode s.ply -o fresh.l4d --order small.ply
 expect_missing fresh.l4d

@@ -37,13 +37,13 @@ expect_json out 'd["source"] == "l4d_ply" and "lossless" in d["tools"] and len(d
 expect_json out "d['file_bytes'] == $(wc -c < s.ply) != d['stream_bytes']"
 
 # A scene pays for what it uses.
-expect 0 synth -n 5000 --effects static -o static.ply
+expect 0 synth --scene cloud -n 5000 --effects static -o static.ply
 expect 0 encode static.ply -o static.l4d
 expect_document 0 info static.l4d
 expect_json out 'not {"motion", "temporal-opacity", "view-dependence"} & set(d["tools"])'
 expect_json out 'd["sections"]["rotor_temporal"] == d["sections"]["mean_t"] == 0'
 expect_json out 'd["sh_degree"] == 0 and d["num_layers"] == 1 and d["layers"][0]["permanent"]'
-expect 0 synth -n 5000 --effects static,view -o view.ply
+expect 0 synth --scene cloud -n 5000 --effects static,view -o view.ply
 expect 0 encode view.ply -o view.l4d
 expect_document 0 info view.l4d
 expect_json out '"view-dependence" in d["tools"] and "motion" not in d["tools"]'
@@ -80,7 +80,7 @@ expect_text out '^level 0 +[0-9,]+ +[0-9.]+ % +[0-9,]+ +[0-9.]+ % +[0-9,]+$'
 expect 2 info large.l4d --detail best
 
 # What a player fetches over time: all of the file, once, and no more at a time than a seek takes.
-expect 0 synth -q -n 10000 --seconds 20 --fps 30 --seed 7 -o long.ply
+expect 0 synth --scene cloud -q -n 10000 --seconds 20 --fps 30 --seed 7 -o long.ply
 expect 0 encode long.ply -o long.l4d --set merge-count=0 --set merge-fraction=0 --set page-size=256
 expect_document 0 info long.l4d --plot long.svg --time 0
 "$PYTHON" -c 'import json, xml.etree.ElementTree as tree

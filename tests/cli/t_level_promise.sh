@@ -2,9 +2,9 @@
 # shellcheck shell=bash
 # What encode --level promises holds for every preset, says the decoder in conformance/reference, which
 # counts for itself; what it cannot keep it refuses.
-l4d synth -q -n 4000 --seconds 2 --fps 30 --seed 7 -o short.ply
-l4d synth -q -n 20000 --static-gaussians 2000 --seconds 60 --fps 25 --seed 8 -o busy.ply
-l4d synth -q -n 101000 --seconds 1 --fps 1 --effects static,rigid --seed 9 -o large.ply
+l4d synth --scene cloud -q -n 4000 --seconds 2 --fps 30 --seed 7 -o short.ply
+l4d synth --scene cloud -q -n 20000 --static-gaussians 2000 --seconds 60 --fps 25 --seed 8 -o busy.ply
+l4d synth --scene cloud -q -n 101000 --seconds 1 --fps 1 --effects static,rigid --seed 9 -o large.ply
 
 # demand FILE: the lowest level that the stream keeps to.
 demand() {

@@ -27,7 +27,7 @@ expect 1 validate indexed.l4d --profile lossless
 expect_text out 'LEVL-2 .* position is not raw32'
 
 # Beyond a level: time, what, value and limit.
-l4d synth -q -n 101000 --seconds 1 --fps 1 --seed 3 -o large.ply
+l4d synth --scene cloud -q -n 101000 --seconds 1 --fps 1 --seed 3 -o large.ply
 expect 0 encode large.ply -o large.l4d --preset lossless --set level=0
 expect_document 1 validate large.l4d --level phone
 expect_json out 'd["valid"] and d["conformance"]["declared_level"] == 0'

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # shellcheck shell=bash
 # encode --live: a scene or pieces as a file that grows, whose whole members play whatever happens.
-l4d synth -q -n 6k --seconds 6 --fps 30 --seed 7 -o s.ply
+l4d synth --scene cloud -q -n 6k --seconds 6 --fps 30 --seed 7 -o s.ply
 
 # A scene that is there.
 expect_document 0 encode --live s.ply --segment 1 -o live.l4d --playlist live.m3u8
@@ -30,7 +30,7 @@ expect_equal "$("$PYTHON" -c "print($(fidelity members.l4d) > $(fidelity whole.l
 # Pieces in their order, and the same pieces in a folder in which they appear.
 mkdir parts
 for k in 0 1 2; do
-  l4d synth -q -n 2k --seconds 2 --fps 30 --seed $((k + 1)) -o "$k.ply"
+  l4d synth --scene cloud -q -n 2k --seconds 2 --fps 30 --seed $((k + 1)) -o "$k.ply"
   "$PYTHON" - "$k.ply" "$k" << 'PY'
 import re, struct, sys
 head, body = open(sys.argv[1], "rb").read().split(b"end_header\n", 1)

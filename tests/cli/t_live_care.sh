@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # shellcheck shell=bash
 # encode --live at the edges: files that were there, second writers, bad pieces, interrupts, full disks.
-l4d synth -q -n 3k --seconds 4 --fps 30 --seed 3 -o s.ply
+l4d synth --scene cloud -q -n 3k --seconds 4 --fps 30 --seed 3 -o s.ply
 expect 0 encode s.ply -o old.l4d
 
 wait_for() { # CONDITION...: until it holds
@@ -52,7 +52,7 @@ expect_missing none.l4d
 
 # Pieces as recorders make them: PIECE K SECONDS FPS NAME [SEED]; times are written with 6 digits.
 piece() {
-  l4d synth -q -n 400 --seconds "$2" --fps "$3" --seed "$((${5:-0} + $1))" -o one.ply -f
+  l4d synth --scene cloud -q -n 400 --seconds "$2" --fps "$3" --seed "$((${5:-0} + $1))" -o one.ply -f
   "$PYTHON" - "$1" "$2" "$3" "$4" << 'PY'
 import re, struct, sys
 k, seconds, fps, name = int(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3]), sys.argv[4]

@@ -97,7 +97,7 @@ expect 0 encode s.ply -o always.l4d --preset indexed --codebook all=64 --rcq alw
 expect_empty err
 expect_document 0 info always.l4d
 expect_json out '"rcq" in d["tools"]'
-expect 0 synth --seconds 2 --gaussians 2000 --effects static -o static.ply
+expect 0 synth --scene cloud --seconds 2 --gaussians 2000 --effects static -o static.ply
 expect 0 encode static.ply -o static.l4d --preset indexed --rcq always
 expect_text err 'no block codebooks were written'
 

@@ -58,7 +58,7 @@ expect_document 1 validate mixed.l4d --profile main
 expect_json out 'd["valid"] and [v["clause"] for v in d["conformance"]["violations"]] != []'
 expect_document 0 validate bab.l4d --profile main --level phone
 expect_json out 'd["conformance"]["level"] == 1 and len(d["conformance"]["members"]) == 3'
-l4d synth -q -n 101k --seconds 1 --fps 1 --effects static,rigid --seed 9 -o large.ply
+l4d synth --scene cloud -q -n 101k --seconds 1 --fps 1 --effects static,rigid --seed 9 -o large.ply
 expect 0 encode large.ply -o large.l4d -e 1 --preset tiny
 expect 0 concat s.l4d large.l4d -o sizes.l4d
 expect_document 1 validate sizes.l4d --level 1
@@ -146,7 +146,7 @@ assert row[1:4] == bytes([0, 255, 0]), row[:4]' || die "the image is not of the 
   done
 done
 # Of a standing member the pages stay that are right: what is shown is what a tolerant decoder shows.
-l4d synth -q -n 4k --seconds 6 --fps 30 --seed 2 -o six.ply
+l4d synth --scene cloud -q -n 4k --seconds 6 --fps 30 --seed 2 -o six.ply
 expect 0 encode --live six.ply --segment 1 --set page-size=256 -o six.l4d
 expect_document 0 info six.l4d
 expect_json out 'd["members"][-1]["begin"] is None and d["members"][0]["role"] == "standing"'
@@ -192,7 +192,7 @@ expect_text err 'kept without [0-9,]+ of its 4,000 Gaussians, which are in damag
 expect_document 0 cut one.l4d --from 1 --to 2 -o /dev/null
 expect_json out 'd["file_bytes"] > 1000'
 # A page of which only SH detail is wrong keeps its Gaussians, which show base colours.
-l4d synth -q -n 12k --seconds 2 --seed 5 -o detail.ply
+l4d synth --scene cloud -q -n 12k --seconds 2 --seed 5 -o detail.ply
 expect 0 encode detail.ply -o detail.l4d
 cp detail.l4d hurt.l4d
 printf '\x55\xaa' | dd of=hurt.l4d bs=1 seek=$(($(wc -c < detail.l4d) - 500)) conv=notrunc 2> /dev/null

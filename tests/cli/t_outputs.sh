@@ -62,7 +62,7 @@ import subprocess
 import sys
 import time
 for attempt in range(20):
-    command = [sys.argv[1], "synth", "-n", "100k", "-o", "killed/big.ply"]
+    command = [sys.argv[1], "synth", "--scene", "cloud", "-n", "100k", "-o", "killed/big.ply"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     while process.poll() is None and not os.listdir("killed"):
         time.sleep(0.001)
@@ -73,7 +73,7 @@ for attempt in range(20):
     os.remove("killed/big.ply")
 assert os.listdir("killed") == ["big.ply.l4dtmp0"], os.listdir("killed")
 END
-expect 0 synth -n 100 -o killed/big.ply
+expect 0 synth --scene cloud -n 100 -o killed/big.ply
 expect_equal "$(ls killed)" big.ply
 
 # A link that leads nowhere is not replaced, and followed only with --force.

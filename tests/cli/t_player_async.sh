@@ -2,7 +2,7 @@
 # shellcheck shell=bash
 # The example player over plan and supply, on a simulated link.
 player=$(dirname "$L4DCODEC")/l4d_example_player_async
-l4d synth --seconds 60 --gaussians 20000 -o scene.ply > log
+l4d synth --scene cloud --seconds 60 --gaussians 20000 -o scene.ply > log
 l4d encode scene.ply --quiet -o scene.l4d > log
 
 # Column N of a line of the player.

@@ -175,7 +175,7 @@ done
 links /empty/
 expect_equal "$(sed 's|.*/||' targets | paste -s -d ' ') $statuses" "$encoded d.m3u8 200 200 "
 # One that grows: without its index the playlist is open, and each request sees what is there.
-l4d synth --seconds 4 --fps 10 -n 3000 --seed 3 -q -o grows.ply
+l4d synth --scene cloud --seconds 4 --fps 10 -n 3000 --seed 3 -q -o grows.ply
 l4d encode --live --segment 1 grows.ply -q -o grown.l4d
 # ends: where each member ends.
 "$PYTHON" - grown.l4d "$L4DCODEC" > ends << 'END'

@@ -3,7 +3,7 @@
 # Verbs take what other verbs write: scenes that last long enough for their times to need doubles, too.
 num_inputs=0
 for seconds in 1 60 600; do
-  expect 0 synth --seconds $seconds -n 2k -o s.ply -f
+  expect 0 synth --scene cloud --seconds $seconds -n 2k -o s.ply -f
   expect 0 encode s.ply -o s.l4d -f
   expect 0 cut s.l4d --from "$("$PYTHON" -c "print($seconds * 0.4)")" -o piece.l4d -f
   for input in s piece; do

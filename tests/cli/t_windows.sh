@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # shellcheck shell=bash
 # Flat windows: a scene that is made anew in each frame, from PLY to stream, slices and pictures.
-expect_document 0 synth -n 3000 --seconds 1 --fps 30 --effects frames -o f.ply
+expect_document 0 synth --scene cloud -n 3000 --seconds 1 --fps 30 --effects frames -o f.ply
 expect_json out 'd["effects"] == ["frames"]'
 expect_document 0 encode f.ply -o f.l4d --order f.order
 expect_document 0 info f.l4d
@@ -36,7 +36,7 @@ expect 0 decode f.l4d --digest --backend reference
 grep ' window ' out | cmp windows
 
 # Another decoder has the same bits of it.
-expect 0 synth -n 240 --seconds 1 --effects frames,rigid,static -o small.ply
+expect 0 synth --scene cloud -n 240 --seconds 1 --effects frames,rigid,static -o small.ply
 for preset in default indexed; do
   profile=-1
   [ "$preset" != indexed ] || profile=1
@@ -70,12 +70,12 @@ if l4d render --help > /dev/null 2>&1; then
 fi
 
 # Beside other effects, and absent without them.
-expect 0 synth -n 4000 --seconds 2 --effects static,rigid,appear,frames -o m.ply
+expect 0 synth --scene cloud -n 4000 --seconds 2 --effects static,rigid,appear,frames -o m.ply
 for preset in default indexed lossless tiny; do
   expect 0 encode m.ply -o m.l4d --force --preset $preset
   expect 0 validate m.l4d
 done
-expect 0 synth -n 1000 -o all.ply
+expect 0 synth --scene cloud -n 1000 -o all.ply
 expect 0 encode all.ply -o all.l4d
 expect_document 0 info all.l4d
 expect_json out '"flat-windows" not in d["tools"]'

@@ -225,7 +225,7 @@ class Walk:
         seconds = self.rng.choice(LENGTHS)
         effects = self.rng.sample(EFFECTS, self.rng.randint(1, len(EFFECTS)))
         path = self.name("ply")
-        self.run("synth", "-n", self.rng.randint(1, 900), "--seconds", seconds, "--seed",
+        self.run("synth", "--scene", "cloud", "-n", self.rng.randint(1, 900), "--seconds", seconds, "--seed",
                  self.rng.randint(1, 1000), "--effects", ",".join(effects), "-o", path)
         piece = self.encode(self.described(path))
         copies = [self.cut, self.cut, self.concat, self.remux, self.repair, self.slice_to_file]

@@ -19,7 +19,7 @@ encode() {
 mkdir -p "$folder"
 streams=()
 scene=$folder/scene.ply
-[[ $scene -nt $tool ]] || "$tool" synth --seconds 4 --fps 30 --gaussians 6000 --seed 3 -q -f -o "$scene"
+[[ $scene -nt $tool ]] || "$tool" synth --scene cloud --seconds 4 --fps 30 --gaussians 6000 --seed 3 -q -f -o "$scene"
 for preset in default tiny small large archive indexed indexed-small indexed-high paper-small paper-large lossless; do
   encode "$scene" "$preset" --preset "$preset"
 done

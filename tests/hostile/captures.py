@@ -153,8 +153,8 @@ def rows():
 
 
 def main():
-    subprocess.run([CODEC, "synth", "-q", "-n", "200", "--seconds", "1", "--fps", "2", "-o", "s.ply"], check=True)
-    subprocess.run([CODEC, "synth", "-q", "-n", "200", "--seconds", "600", "--fps", "30", "-o", "long.ply"], check=True)
+    subprocess.run([CODEC, "synth", "--scene", "cloud", "-q", "-n", "200", "--seconds", "1", "--fps", "2", "-o", "s.ply"], check=True)
+    subprocess.run([CODEC, "synth", "--scene", "cloud", "-q", "-n", "200", "--seconds", "600", "--fps", "30", "-o", "long.ply"], check=True)
     make_inputs()
     base = {tool: peak([tool, "--help" if tool == TRAIN else "version"])[1] for tool in (CODEC, TRAIN)}
     failures = 0

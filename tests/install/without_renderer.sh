@@ -32,7 +32,7 @@ refused() {
   done
 }
 
-"$tool" synth --gaussians 500 --seconds 1 -o scene.ply
+"$tool" synth --scene cloud --gaussians 500 --seconds 1 -o scene.ply
 "$tool" encode scene.ply -o scene.l4d --order order --verify
 "$tool" encode scene.ply -o small.l4d --target-size 20kB
 "$tool" info scene.l4d --time 0.5

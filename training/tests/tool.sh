@@ -22,7 +22,7 @@ expect() {
   cat out err | grep -Eq -- "$pattern" || { cat out err >&2; die "l4dtrain $*: nothing matches $pattern"; }
 }
 
-"$codec" synth --seconds 0.8 --fps 10 --gaussians 800 --seed 7 -o truth.ply --quiet
+"$codec" synth --scene cloud --seconds 0.8 --fps 10 --gaussians 800 --seed 7 -o truth.ply --quiet
 expect 0 "9 cameras" capture truth.ply -o capture --cameras 9 --size 48x40
 expect 0 "cameras +9" inspect capture --sheet sheet.png
 [ -s sheet.png ] || die "there is no contact sheet"
@@ -138,7 +138,7 @@ wait "$pid" || status=$?
 grep -q "resume" busy.err || die "SIGHUP: nothing says how to go on"
 
 # Images that are damaged when their window is read: the work so far is kept.
-"$codec" synth --seconds 4 --fps 10 --gaussians 200 --seed 7 -o long.ply --quiet
+"$codec" synth --scene cloud --seconds 4 --fps 10 --gaussians 200 --seed 7 -o long.ply --quiet
 expect 0 "4 cameras" capture long.ply -o late --cameras 4 --size 48x40
 "$train" train late --gaussians 300 --sh-degree 0 --views 2 --init frustum --exposure off --host-memory 600k \
   -o late_run --steps 400000 -q >out 2>late.err &

@@ -29,7 +29,7 @@ scene() {
   local name=$1 effects=()
   [[ $work/$name.l4d -nt $tool ]] && return
   [[ $4 == all ]] || effects=(--effects "$4")
-  "$tool" synth --seconds "$2" --fps 30 --gaussians "$3" --seed 5 "${effects[@]}" -q -f -o "$work/$name.ply"
+  "$tool" synth --scene cloud --seconds "$2" --fps 30 --gaussians "$3" --seed 5 "${effects[@]}" -q -f -o "$work/$name.ply"
   shift 4
   "$tool" encode "$work/$name.ply" "$@" -q -f -o "$work/$name.part.l4d"
   mv "$work/$name.part.l4d" "$work/$name.l4d"
@@ -49,7 +49,7 @@ scene drawn 1 4000 all --rendering dilation=1.5,cutoff=1.7,min_alpha=0.05,max_al
   --presentation playback=loop,camera=0.5:-1:-6:0:0.25:0.5:0.1:-1:0:40,metres_per_unit=0.5
 # Of several streams, with playlists: as it is recorded, and as other files are joined.
 if [[ ! $work/joined.m3u8 -nt $tool ]]; then
-  "$tool" synth --seconds 8 --fps 30 --gaussians 12000 --seed 6 -q -f -o "$work/members.ply"
+  "$tool" synth --scene cloud --seconds 8 --fps 30 --gaussians 12000 --seed 6 -q -f -o "$work/members.ply"
   "$tool" encode "$work/members.ply" --live --segment 1 --playlist "$work/members.m3u8" -q -f -o "$work/members.l4d"
   "$tool" concat "$work/frames.l4d" "$work/short.l4d" "$work/tiers.l4d" -q -f -o "$work/joined.l4d"
   "$tool" manifest "$work/joined.l4d" -q -f -o "$work/joined.m3u8"
