@@ -61,7 +61,10 @@ Failure current_failure(const std::string& subject) {
   } catch (const io::Error& e) {
     return Failure(e.status(), prefixed(e.what()));
   } catch (const Error& e) {
-    return Failure(e.status(), prefixed(eval::detail_of(e)));
+    // Clauses of a format tell nothing of a file that is of none.
+    const bool unknown = e.status() == L4D_ERR_NOT_L4D;
+    return Failure(e.status(),
+                   prefixed(unknown ? "this is no stream (.l4d) and no PLY" : eval::detail_of(e)));
   } catch (const std::bad_alloc&) {
     return Failure(L4D_ERR_OUT_OF_MEMORY, prefixed("out of memory"));
   } catch (const std::exception& e) {

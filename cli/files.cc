@@ -11,8 +11,10 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <optional>
 
 #include "cli/text/progress.h"
+#include "io/file/foreign_file.h"
 
 namespace l4d::cli {
 namespace fs = std::filesystem;
@@ -90,6 +92,10 @@ Input::Input(Context& context, const std::string& name, const std::string& what)
   const size_t got = std::fread(magic, 1, sizeof(magic), file.get());
   is_ply_ = got == sizeof(magic) && std::memcmp(magic, "ply", 3) == 0 &&
             (magic[3] == '\n' || magic[3] == '\r');
+  const std::optional<io::ForeignKind> foreign = io::identify_foreign(path_, name);
+  if (!foreign) return;
+  throw Failure(L4D_ERR_FEATURE_UNSUPPORTED,
+                name_ + ": this is " + foreign->name + ", and no stream or PLY; " + foreign->way);
 }
 
 Output::Output(Context& context, const std::string& name, const std::string& what, bool is_text)
@@ -142,15 +148,18 @@ uint64_t Output::finish() {
 
 void check_extension(const std::string& name, const char* option,
                      const std::vector<std::string>& written, bool strict) {
-  static const std::vector<std::string> kKnown = {".l4d", ".ply", ".png",  ".jpg", ".jpeg", ".bmp",
-                                                  ".mp4", ".svg", ".json", ".npy", ".m3u8"};
-  std::string extension = fs::path(name).extension().string();
+  fs::path path(name);
+  std::string extension = path.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   const auto is_in = [&](const std::vector<std::string>& list) {
     return std::find(list.begin(), list.end(), extension) != list.end();
   };
-  if (extension.empty() || is_in(written) || !(strict || is_in(kKnown))) return;
+  // Names of packed PLY have two extensions.
+  const bool packed = extension == ".ply" && path.stem().extension() == ".compressed";
+  const bool known = is_in({".l4d", ".ply"}) || io::foreign_extension(extension);
+  if (!packed && (extension.empty() || is_in(written) || !(strict || known))) return;
+  if (packed) extension = ".compressed.ply";
   std::string kinds;
   for (const std::string& kind : written) kinds += (kinds.empty() ? "" : " or ") + kind;
   throw usage_error(std::string(option) + ": '" + name + "' ends in " + extension +

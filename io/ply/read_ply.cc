@@ -285,7 +285,8 @@ Scene read_scene(PlyReader& reader, const ImportOptions& options) {
   }
   if (vertex.has("trbf_center")) return read_stg_ply(reader, options);
   if (vertex.has("packed_position")) {
-    reader.fail(L4D_ERR_FEATURE_UNSUPPORTED, "a compressed 3DGS PLY; expand it to a plain one");
+    reader.fail(L4D_ERR_FEATURE_UNSUPPORTED,
+                "a compressed 3DGS PLY; `npx @playcanvas/splat-transform IN out.ply` expands it");
   }
   if (vertex.has("rotor_7") && vertex.has("scale_3")) {
     reader.fail(L4D_ERR_CORRUPT, "4D-rotor Gaussians, but the comment l4d_ply is missing");

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/file/foreign_file.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <string_view>
+
+#include "io/file/file.h"
+
+namespace l4d::io {
+namespace {
+
+constexpr const char* kConvert = "`npx @playcanvas/splat-transform IN out.ply` makes a PLY of it";
+constexpr const char* kExport =
+    "export a PLY with the program that wrote it; docs/formats.md lists the columns";
+constexpr const char* kTrain = "`l4dtrain train` makes a scene of images whose cameras are known";
+constexpr const char* kUnpack = "unpack it first";
+
+struct Known {
+  const char* extension;
+  const char* name;
+  const char* way;
+};
+constexpr Known kKnown[] = {{".spz", "an SPZ file", kConvert},
+                            {".sog", "an SOG file", kConvert},
+                            {".splat", "a SPLAT file", kConvert},
+                            {".ksplat", "a KSPLAT file", kConvert},
+                            {".lcc", "an LCC file", kConvert},
+                            {".splatv", "a SPLATV file", kExport},
+                            {".4dgs", "a 4DGS file", kExport},
+                            {".glb", "a glTF file", kExport},
+                            {".gltf", "a glTF file", kExport},
+                            {".usd", "a USD file", kExport},
+                            {".usda", "a USD file", kExport},
+                            {".usdc", "a USD file", kExport},
+                            {".usdz", "a USD archive", kExport},
+                            {".npy", "a NumPy array", kExport},
+                            {".npz", "an archive of NumPy arrays", kExport},
+                            {".pt", "a PyTorch checkpoint", kExport},
+                            {".pth", "a PyTorch checkpoint", kExport},
+                            {".ckpt", "a PyTorch checkpoint", kExport},
+                            {".pkl", "a Python pickle", kExport},
+                            {".safetensors", "a file of tensors", kExport},
+                            {".h5", "an HDF5 file", kExport},
+                            {".obj", "a mesh", kExport},
+                            {".png", "an image", kTrain},
+                            {".jpg", "an image", kTrain},
+                            {".jpeg", "an image", kTrain},
+                            {".webp", "an image", kTrain},
+                            {".gif", "an image", kTrain},
+                            {".bmp", "an image", kTrain},
+                            {".exr", "an image", kTrain},
+                            {".tif", "an image", kTrain},
+                            {".tiff", "an image", kTrain},
+                            {".avif", "an image", kTrain},
+                            {".mp4", "a video", kTrain},
+                            {".mov", "a video", kTrain},
+                            {".mkv", "a video", kTrain},
+                            {".webm", "a video", kTrain},
+                            {".avi", "a video", kTrain},
+                            {".zip", "a ZIP archive", kUnpack},
+                            {".gz", "a gzip file", kUnpack},
+                            {".tar", "a TAR archive", kUnpack},
+                            {".7z", "a 7z archive", kUnpack},
+                            {".json", "a JSON file", "files of cameras are for --cameras"},
+                            {".html", "a web page", "a download may have failed"},
+                            {".svg", "a drawing", kTrain},
+                            {".m3u8", "a playlist", "name a stream of it"}};
+
+ForeignKind kind_of(const Known& known) { return {known.name, known.way}; }
+
+ForeignKind by_extension(const char* extension) { return *foreign_extension(extension); }
+
+// Of the first file of a ZIP archive, whose name is in its header.
+ForeignKind of_zip(std::string_view head) {
+  constexpr size_t kName = 30;
+  const auto byte = [&](size_t k) { return static_cast<size_t>(static_cast<uint8_t>(head[k])); };
+  const size_t size = head.size() < kName ? 0 : byte(26) + 256 * byte(27);
+  const std::string_view first = head.substr(std::min(kName, head.size()), size);
+  const auto ends_in = [&](std::string_view end) {
+    return first.size() >= end.size() && first.substr(first.size() - end.size()) == end;
+  };
+  if (ends_in(".npy")) return by_extension(".npz");
+  if (ends_in("data.pkl")) return by_extension(".pt");
+  if (ends_in(".usdc") || ends_in(".usda")) return by_extension(".usdz");
+  if (ends_in("meta.json") || ends_in(".webp")) return by_extension(".sog");
+  return by_extension(".zip");
+}
+
+struct Magic {
+  std::string_view bytes;
+  const char* extension;
+  size_t at = 0;
+};
+using namespace std::string_view_literals;
+constexpr Magic kMagics[] = {{"NGSP"sv, ".spz"},
+                             {"glTF"sv, ".glb"},
+                             {"PXR-USDC"sv, ".usdc"},
+                             {"#usda "sv, ".usda"},
+                             {"\x93NUMPY"sv, ".npy"},
+                             {"\x80\x02\x8a\x0a"sv, ".pt"},
+                             {"\x89HDF\r\n\x1a\n"sv, ".h5"},
+                             {"\x89PNG"sv, ".png"},
+                             {"\xff\xd8\xff"sv, ".jpg"},
+                             {"GIF8"sv, ".gif"},
+                             {"WEBP"sv, ".webp", 8},
+                             {"ftyp"sv, ".mp4", 4},
+                             {"\x1a\x45\xdf\xa3"sv, ".mkv"},
+                             {"<!DOCTYPE html"sv, ".html"},
+                             {"<html"sv, ".html"},
+                             {"#EXTM3U"sv, ".m3u8"}};
+
+std::string lower_extension(const std::string& name) {
+  std::string extension = std::filesystem::path(name).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension;
+}
+
+}  // namespace
+
+std::optional<ForeignKind> foreign_extension(const std::string& extension) {
+  for (const Known& known : kKnown) {
+    if (extension == known.extension) return kind_of(known);
+  }
+  return std::nullopt;
+}
+
+std::optional<ForeignKind> identify_foreign(const std::string& path, const std::string& name) {
+  const FileHandle file(std::fopen(path.c_str(), "rb"));
+  if (!file) throw Error(L4D_ERR_IO, path + ": cannot open: " + std::strerror(errno));
+  std::array<char, 256> bytes;
+  const std::string_view head(bytes.data(), std::fread(bytes.data(), 1, bytes.size(), file.get()));
+  const auto begins = [&](std::string_view magic) { return head.substr(0, magic.size()) == magic; };
+  if (begins("ply") || begins("\x89L4D")) return std::nullopt;
+  for (const Magic& magic : kMagics) {
+    if (head.size() > magic.at && head.substr(magic.at, magic.bytes.size()) == magic.bytes) {
+      return by_extension(magic.extension);
+    }
+  }
+  if (begins("PK\x03\x04")) return of_zip(head);
+  const std::string extension = lower_extension(name);
+  if (begins("\x1f\x8b")) return by_extension(extension == ".spz" ? ".spz" : ".gz");
+  if (begins("version https://git-lfs")) {
+    return ForeignKind{"a pointer of Git LFS and not the file itself",
+                       "`git lfs pull` fetches that"};
+  }
+  if (head.size() > 9 && head.substr(8, 2) == "{\"") return by_extension(".safetensors");
+  const size_t first = head.find_first_not_of(" \t\r\n");
+  if (first != std::string_view::npos && head[first] == '{') return by_extension(".json");
+  return foreign_extension(extension);
+}
+
+}  // namespace l4d::io

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+
+namespace l4d::io {
+
+// A kind of file that belongs to another program.
+struct ForeignKind {
+  std::string name;  // "an SPZ file"
+  std::string way;   // what a person does with one who wants a scene of it
+};
+
+// By an extension in lower case, as ".spz"; nothing if it is none that is known.
+std::optional<ForeignKind> foreign_extension(const std::string& extension);
+
+// What the file at `path` is by its first bytes, or where these say nothing by the extension of
+// `name`. Nothing if it may be a stream or a scene, or is unknown. Throws Error(L4D_ERR_IO).
+std::optional<ForeignKind> identify_foreign(const std::string& path, const std::string& name);
+
+}  // namespace l4d::io

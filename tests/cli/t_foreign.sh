@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# Files of other programs are named, with what to do, whatever the command; no clause of the format
+# is cited before it is known that a file has that format.
+make_scene s.ply 200
+l4d encode s.ply -o s.l4d --preset lossless -q
+
+# named FILE WORDS: FILE is refused as WORDS by all that read scenes, with exit status 5.
+named() {
+  local command
+  for command in "encode $1 -o x.l4d" "info $1" "slice $1 --time 0 -o x.ply" "decode $1 -o x.ply" \
+    "compare $1 s.ply" "compare s.ply $1" "validate $1"; do
+    # shellcheck disable=SC2086
+    expect 5 $command
+    expect_text err "$1: this is $2"
+    if grep -q 'spec ' err; then die "$command cites a clause: $(cat err)"; fi
+  done
+}
+
+zip() { # zip FILE NAME: a ZIP archive of one file
+  "$PYTHON" -c 'import sys, zipfile; zipfile.ZipFile(sys.argv[1], "w").writestr(sys.argv[2], b"x" * 99)' "$@"
+}
+head -c 64 /dev/zero > a.ksplat
+named a.ksplat 'a KSPLAT file, .*splat-transform IN out.ply'
+head -c 64 /dev/zero > A.SPLAT
+named A.SPLAT 'a SPLAT file, '
+gzip -c s.ply > a.spz
+named a.spz 'an SPZ file, .*splat-transform'
+cp a.spz a.ply.gz
+named a.ply.gz 'a gzip file, .*unpack it first'
+printf 'NGSP%060d' 0 > unnamed
+named unnamed 'an SPZ file, '
+zip a.sog meta.json
+named a.sog 'an SOG file, '
+zip a.npz position.npy
+named a.npz 'an archive of NumPy arrays, .*export a PLY'
+zip a.pt archive/data.pkl
+named a.pt 'a PyTorch checkpoint, '
+zip other notes.txt
+named other 'a ZIP archive, '
+printf 'glTF%060d' 0 > a.glb
+named a.glb 'a glTF file, '
+printf '\x93NUMPY%060d' 0 > a.l4d
+named a.l4d 'a NumPy array, '
+echo '{"frames": []}' > transforms.json
+named transforms.json 'a JSON file, .*--cameras'
+printf '\x89PNG\r\n\x1a\n%060d' 0 > a.png
+named a.png 'an image, .*l4dtrain train'
+printf '....ftypisom%060d' 0 > a.mp4
+named a.mp4 'a video, .*l4dtrain train'
+printf '<!DOCTYPE html><html>%060d' 0 > page
+named page 'a web page, '
+printf 'version https://git-lfs.github.com/spec/v1\n%060d' 0 > pointer.ply
+named pointer.ply 'a pointer of Git LFS .*git lfs pull'
+l4d decode s.ply --format raw -o s.safetensors -q
+named s.safetensors 'a file of tensors, '
+l4d info - < a.glb > out 2> err && die 'a glTF file was taken from stdin'
+expect_text err 'stdin: this is a glTF file'
+
+# What nothing is known of.
+printf '%064d' 0 > zeros
+for command in 'encode zeros -o x.l4d' 'info zeros' 'slice zeros --time 0 -o x.ply'; do
+  # shellcheck disable=SC2086
+  expect 4 $command
+  expect_text err 'zeros: this is no stream .* and no PLY'
+done
+: > empty
+expect 4 info empty
+expect_text err 'empty: this is no stream'
+# To validate is to cite.
+expect 4 validate zeros
+expect_text out 'FILE-1'
+
+# Names of formats that are not written.
+for name in x.spz x.sog x.glb x.splat x.ksplat x.usda x.npz x.compressed.ply x.4dgs x.safetensors x.L4D; do
+  expect 2 slice s.l4d --time 0 -o $name
+  expect_text err "'$name' ends in"
+  expect 2 decode s.l4d -o $name
+done
+for name in x.npz x.ply x.pt x.npy; do
+  expect 2 decode s.l4d --format raw -o $name
+  expect_text err "'$name' ends in .*, but what is written is .safetensors"
+done
+expect 2 encode s.ply -o x.spz
+expect 2 synth -n 10 -o x.compressed.ply
+[[ ! -e x.spz && ! -e x.npz ]]
