@@ -123,10 +123,15 @@ void parse_image_size(const std::string& text, uint32_t* width, uint32_t* height
                     std::to_string(L4D_MAX_IMAGE_SIDE) + " pixels a side, as 640x360");
 }
 
+void made_up_size(const std::string& size, uint32_t* width, uint32_t* height) {
+  *width = 640;
+  *height = 360;
+  if (!size.empty()) parse_image_size(size, width, height);
+}
+
 io::CameraSet make_orbit(const io::Scene& instant, uint32_t count, const std::string& size) {
-  uint32_t width = 640;
-  uint32_t height = 360;
-  if (!size.empty()) parse_image_size(size, &width, &height);
+  uint32_t width, height;
+  made_up_size(size, &width, &height);
   return io::orbit_cameras(instant, count, width, height);
 }
 

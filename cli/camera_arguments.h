@@ -44,6 +44,9 @@ io::CameraSet read_camera_file(Context& context, const std::string& path, bool a
 // "640x360"
 void parse_image_size(const std::string& text, uint32_t* width, uint32_t* height);
 
+// Of images of cameras that no file has: --size, else 640x360.
+void made_up_size(const std::string& size, uint32_t* width, uint32_t* height);
+
 // An orbit around an instant; size as of --size.
 io::CameraSet make_orbit(const io::Scene& instant, uint32_t count, const std::string& size);
 // Says what was assumed about cameras that are used.

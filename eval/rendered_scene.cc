@@ -73,6 +73,11 @@ void RenderedScene::show_members(double seconds) {
   if (!is_empty_) renderer_.set_time(members_->time());
 }
 
+l4d_presentation RenderedScene::presentation() const {
+  if (scene_ != nullptr) return scene_->presentation;
+  return members_ != nullptr ? members_->first().presentation() : decoder_.presentation();
+}
+
 io::Scene RenderedScene::instant(double seconds) const {
   return about(name_, [&] {
     if (members_ != nullptr) {

@@ -56,6 +56,7 @@ class RenderedScene {
   const std::string& name() const { return name_; }
   const l4d_timeline& timeline() const { return timeline_; }
   uint64_t count() const { return count_; }
+  l4d_presentation presentation() const;    // of several streams that of the first
   io::Scene instant(double seconds) const;  // as instant_of (eval/views.h)
 
   void set_background(const float* rgb);

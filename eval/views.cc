@@ -31,10 +31,11 @@ CameraViews spread_views(CameraViews all, size_t most) {
 namespace {
 
 io::Scene scene_of(SplatArrays&& splats, const l4d_timeline& timeline,
-                   const l4d_placement& placement) {
+                   const l4d_placement& placement, const l4d_presentation& presentation) {
   io::Scene instant;
   instant.timeline = timeline;
   instant.placement = placement;
+  instant.presentation = presentation;
   instant.position = std::move(splats.position);
   instant.opacity = std::move(splats.opacity);
   instant.mean_t.resize(instant.opacity.size());
@@ -51,6 +52,7 @@ io::Scene instant_of(const io::Scene& scene, double seconds) {
   io::Scene instant;
   instant.timeline = scene.timeline;
   instant.placement = scene.placement;
+  instant.presentation = scene.presentation;
   const uint32_t frame = frame_of_time(scene.timeline, seconds);
   for (size_t i = 0; i < scene.count(); ++i) {
     const Motion motion = motion_of(scene, i);
@@ -66,11 +68,13 @@ io::Scene instant_of(const io::Scene& scene, double seconds) {
 
 io::Scene instant_of(const DecoderHandle& decoder, double seconds) {
   const l4d_info info = decoder.info();
-  return scene_of(decoder.slice(seconds), info.timeline, info.placement);
+  return scene_of(decoder.slice(seconds), info.timeline, info.placement, decoder.presentation());
 }
 
 io::Scene instant_of(ShownMembers& members, double seconds) {
-  return scene_of(members.slice(seconds), members.timeline(), members.first().info().placement);
+  const DecoderHandle& first = members.first();
+  return scene_of(members.slice(seconds), members.timeline(), first.info().placement,
+                  first.presentation());
 }
 
 }  // namespace l4d::eval

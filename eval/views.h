@@ -22,8 +22,8 @@ CameraViews spread_views(CameraViews views, size_t most);
 
 // The middle of the sequence: where orbits are laid out.
 double middle_of(const l4d_timeline& timeline);
-// The scene at an instant, as far as an orbit needs it: positions, and opacities with their
-// falloff.
+// The scene at an instant, as far as an orbit needs it: positions, opacities with their falloff,
+// and what it states of how it is shown.
 io::Scene instant_of(const io::Scene& scene, double seconds);
 io::Scene instant_of(const DecoderHandle& decoder, double seconds);
 io::Scene instant_of(ShownMembers& members, double seconds);

@@ -20,6 +20,7 @@
 #include "eval/encoding.h"
 #include "eval/min_sizes.h"
 #include "eval/pairing.h"
+#include "io/camera/first_view.h"
 #include "io/ply/weights.h"
 #include "io/scene/rendering_text.h"
 
@@ -40,6 +41,7 @@ struct EncodeArguments {
   bool verify = false;
   std::vector<std::string> metadata;
   std::string rendering, presentation;
+  bool no_first_view = false;
   EncodeParameters parameters;
   TargetArguments target;
   ImportArguments import;
@@ -215,13 +217,30 @@ void change_statements(const EncodeArguments& arguments, l4d_rendering* renderin
         [&] { io::parse_presentation(arguments.presentation, presentation); });
 }
 
-// The scene, with what the options state of it.
+// States where a player stands at first, unless the scene or an option says so: as in the piece
+// before, if there is one.
+void state_first_view(Context& context, const EncodeArguments& arguments,
+                      const l4d_presentation* before, io::Scene* scene) {
+  l4d_presentation& p = scene->presentation;
+  if (arguments.no_first_view || p.has_camera != 0 || scene->count() == 0) return;
+  if (before != nullptr && before->has_camera != 0) {
+    io::copy_first_view(*before, &p);
+    return;
+  }
+  // Cameras that are made up say nothing of what there is to see.
+  const io::CameraSet* cameras = arguments.cameras.load(context);
+  if (cameras != nullptr) io::state_first_view(*cameras, *scene, &p);
+  if (p.has_camera == 0) io::state_first_view(*scene, &p);
+}
+
+// The scene, with what the options state of it. before: what the piece before states.
 LoadedScene load(Context& context, const EncodeArguments& arguments, const Input& input,
-                 bool may_be_empty = false) {
+                 bool may_be_empty = false, const l4d_presentation* before = nullptr) {
   ImportArguments import = arguments.import;
   import.may_be_empty = may_be_empty;
   LoadedScene loaded = load_scene(context, input, import);
   change_statements(arguments, &loaded.scene.rendering, &loaded.scene.presentation);
+  state_first_view(context, arguments, before, &loaded.scene);
   return loaded;
 }
 
@@ -412,8 +431,10 @@ Outcome run_live(Context& context, const EncodeArguments& arguments) {
   check_extension(name, "--output", {".l4d"});
   const EncoderHandle encoder = make_encoder(context, arguments);
   set_parameters(context, arguments, false, encoder);
+  l4d_presentation shown = default_presentation();
   const auto read = [&](const Input& piece, const std::function<void(const io::Scene&)>& use) {
-    const LoadedScene loaded = load(context, arguments, piece, arguments.has_pieces());
+    const LoadedScene loaded = load(context, arguments, piece, arguments.has_pieces(), &shown);
+    if (loaded.scene.count() > 0) shown = loaded.scene.presentation;
     if (loaded.scene.count() == 0) {
       encoder.check(l4d_encoder_set_rendering(encoder.get(), &loaded.scene.rendering));
       encoder.check(l4d_encoder_set_presentation(encoder.get(), &loaded.scene.presentation));
@@ -532,6 +553,8 @@ void add_encode(Registry& registry) {
                    "camera=X:Y:Z:X:Y:Z:X:Y:Z:DEGREES (position, target, up direction, vertical "
                    "field of view), metres_per_unit=M")
       ->type_name("NAME=VALUE,...");
+  verb->add_flag("--no-first-view", arguments->no_first_view,
+                 "State no first view where the scene has none: it saves about 100 bytes");
   verb->add_option("--order", arguments->order,
                    "Also write which input Gaussian each coded one is: u32 little-endian, for "
                    "`compare --order`")

@@ -16,6 +16,7 @@
 #include "cli/text/units.h"
 #include "cli/verbs/frame_sink.h"
 #include "cli/verbs/tolerant.h"
+#include "io/camera/first_view.h"
 #include "io/image/video.h"
 
 namespace l4d::cli {
@@ -144,6 +145,12 @@ struct Path {
   }
 };
 
+// Whether what the scene states of its first view decides: nobody says from where to look.
+bool shows_first_view(const RenderArguments& arguments, const eval::RenderedScene& scene) {
+  return arguments.cameras.empty() && arguments.camera.empty() &&
+         scene.presentation().has_camera != 0;
+}
+
 Path camera_path(Context& context, const RenderArguments& arguments, const io::CameraSet& given,
                  const eval::RenderedScene& scene, size_t frames) {
   Path path;
@@ -158,6 +165,10 @@ Path camera_path(Context& context, const RenderArguments& arguments, const io::C
         static_cast<uint32_t>(std::min<size_t>(std::max<size_t>(frames, 4), kMaxOrbitSteps));
     set = orbit(kRings * steps);
     for (uint32_t k = 0; k < steps; ++k) path.cameras.push_back(set.cameras[k].camera);
+  } else if (shows_first_view(arguments, scene)) {
+    uint32_t width, height;
+    made_up_size(arguments.size, &width, &height);
+    path.cameras.push_back(io::camera_of(scene.presentation(), width, height));
   } else {
     set = arguments.cameras.empty() ? orbit(kOrbitCameras) : given;
     const io::Camera& camera = find_camera(set, arguments.camera);
@@ -357,10 +368,12 @@ void add_render(Registry& registry) {
                                  "begin:end in seconds, short for --from and --to")
                     ->type_name("A:B");
   for (const char* other : {"--time", "--from", "--to"}) range->excludes(verb->get_option(other));
-  auto* cameras = verb->add_option("--cameras", arguments->cameras,
-                                   "Cameras to look from: cameras.json, D-NeRF transforms*.json "
-                                   "or poses_bounds.npy (default: 8 made up around the scene)")
-                      ->type_name("FILE");
+  auto* cameras =
+      verb->add_option("--cameras", arguments->cameras,
+                       "Cameras to look from: cameras.json, D-NeRF transforms*.json "
+                       "or poses_bounds.npy (default: the first view that the scene states,\n"
+                       "else 8 made up around it)")
+          ->type_name("FILE");
   add_any_path_option(verb, arguments->any_path)->needs(cameras);
   verb->add_option("--camera", arguments->camera, "Id of the camera (default: the first)")
       ->type_name("ID");

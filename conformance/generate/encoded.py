@@ -50,9 +50,9 @@ def vectors(folder, tool):
             path = Path(folder) / "vectors" / "core" / f"encoder-{name}.l4d"
             if tool is not None:
                 path = Path(work) / f"{name}.l4d"
-                run(tool, "encode", f"{work}/{scene}.ply", "-o", str(path), *options)
+                run(tool, "encode", f"{work}/{scene}.ply", "--no-first-view", "-o", str(path), *options)
             words = " ".join(["l4dcodec synth --scene cloud", *SCENES[scene], f"-o {scene}.ply && l4dcodec encode", f"{scene}.ply",
-                              *options])
+                              "--no-first-view", *options])
             yield Vector("core", f"encoder-{name}", "a stream of the production encoder", path.read_bytes(),
                          ["DEC-1", "DEC-2", "LAYR-2"], words, ends=True)
 

@@ -91,11 +91,9 @@ bool is_numbered_image(const std::string& pattern, const std::string& name);
 std::string numbered_image(const std::string& pattern, uint32_t frame);
 
 // Cameras around a scene that has none: on one ring at the height of the centre, or from 12 cameras
-// on also on rings 30 degrees below and above. They look at the opacity-weighted median position
-// with a field of view of 60 degrees in the smaller direction, from where the ball that holds 90 %
-// of the opacity fits. The rings' axis is y or z, whichever way the scene extends less (y where
-// equal); its up end follows from the scene's coordinates, and is +z or, as in most captures, -y
-// where they are unknown.
+// on also on rings 30 degrees below and above. They look at the subject of the scene
+// (io/camera/subject.h) with a field of view of 60 degrees in the smaller direction, from where its
+// ball fits. The rings' axis is that of the subject.
 CameraSet orbit_cameras(const Scene& scene, uint32_t count, uint32_t width, uint32_t height);
 
 struct ViewSelection {

@@ -9,7 +9,7 @@ expect 0 encode s.ply -o stated.l4d --rendering dilation=2,compensation=1 \
   --presentation playback=loop,camera=0:1:5:0:0:0:0:1:0:50
 expect_document 0 info plain.l4d
 expect_json out 'not d["rendering"]["stated"] and d["rendering"]["dilation"] - 0.3 < 1e-6'
-expect_json out 'd["presentation"]["playback"] == 0 and d["presentation"]["camera"] is None'
+expect_json out 'd["presentation"]["playback"] == 0 and d["presentation"]["bounds"] is None'
 expect_document 0 info stated.l4d
 expect_json out 'd["rendering"]["stated"] and d["rendering"]["dilation"] == 2'
 expect_json out 'd["rendering"]["compensation"] and d["presentation"]["playback"] == 2'

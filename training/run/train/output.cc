@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "training/run/train/output.h"
 
-#include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "io/camera/first_view.h"
 #include "io/file/file.h"
 #include "io/scene/rendering_text.h"
 #include "l4d/render.hpp"
@@ -60,35 +59,11 @@ ModelState model_of(const io::Scene& scene) {
 l4d_presentation first_view(const Capture& capture, const ImageLoader& loader) {
   l4d_presentation p;
   l4d_presentation_init(&p);
-  std::vector<uint32_t> training;
-  double middle[3] = {0, 0, 0};
+  std::vector<l4d_camera> training;
   for (uint32_t c = 0; c < capture.cameras.size(); ++c) {
-    if (capture.cameras[c].split != "train") continue;
-    training.push_back(c);
-    double at[3];
-    camera_center(loader.camera(c), at);
-    for (size_t k = 0; k < 3; ++k) middle[k] += at[k];
+    if (capture.cameras[c].split == "train") training.push_back(loader.camera(c));
   }
-  if (training.empty()) return p;
-  const l4d_camera& camera = loader.camera(training[training.size() / 2]);
-  const double* m = camera.world_to_camera;  // rows: right, down, forward
-  camera_center(camera, p.camera_position);
-  double ahead = 0, squared = 0;
-  for (size_t k = 0; k < 3; ++k) {
-    const double to = middle[k] / static_cast<double>(training.size()) - p.camera_position[k];
-    ahead += m[8 + k] * to;
-    squared += to * to;
-  }
-  // Cameras in a row have their middle beside them, a single one has it where it is itself.
-  const double beside = squared > 0 ? std::sqrt(squared) / 2 : frame_of(capture).radius;
-  const double depth = std::max({ahead, beside, camera.near_plane});
-  for (size_t k = 0; k < 3; ++k) {
-    p.camera_target[k] = p.camera_position[k] + depth * m[8 + k];
-    p.camera_up[k] = -m[4 + k];
-  }
-  constexpr double kWidest = 2.9;  // the format ends at 3
-  p.camera_fov = std::min(2 * std::atan(camera.height / (2 * camera.fy)), kWidest);
-  p.has_camera = 1;
+  io::state_first_view(training, frame_of(capture).radius, &p);
   return p;
 }
 

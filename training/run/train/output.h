@@ -16,8 +16,7 @@ io::Scene scene_of(const ModelState& model, const l4d_timeline& timeline);
 // The same scene as a model that can be rendered, without what only training needs.
 ModelState model_of(const io::Scene& scene);
 
-// The first view that the file states: a training camera from the middle of the list, which
-// looks at what is as far away as the middle of all training cameras.
+// The first view that the file states: that of a training camera (io/camera/first_view.h).
 l4d_presentation first_view(const Capture& capture, const ImageLoader& loader);
 // What a reader of scene.ply gets of it. Text may round the field of view.
 l4d_presentation as_read(const l4d_presentation& presentation);

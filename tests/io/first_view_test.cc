@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/camera/first_view.h"
+
+#include <cmath>
+
+#include "io/camera/subject.h"
+#include "tests/io/camera_files.h"
+#include "tests/io/support.h"
+
+namespace l4d::io {
+namespace {
+
+double distance(const double* a, const Vec3& b) {
+  return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+}
+
+l4d_camera looking(const Vec3& eye, const Vec3& target) {
+  l4d_presentation p = default_presentation();
+  std::copy_n(eye.begin(), 3, p.camera_position);
+  std::copy_n(target.begin(), 3, p.camera_target);
+  p.camera_up[1] = -1;
+  p.camera_fov = 0.8;
+  return camera_of(p, 64, 48);
+}
+
+// Adds `count` Gaussians in a ball, or on the walls of one.
+void add_ball(Scene* scene, size_t count, const Vec3& center, double radius, double size,
+              float opacity, bool is_hollow = false) {
+  reference::Random random(scene->count() + 1);
+  const size_t first = scene->count();
+  scene->resize(first + count);
+  for (size_t i = first; i < scene->count(); ++i) {
+    Vec3 d;
+    double r;
+    do {
+      for (double& x : d) x = random.uniform(-1, 1);
+      r = std::hypot(d[0], d[1], d[2]);
+    } while (r > 1 || r < 0.1);
+    const double scale = is_hollow ? radius / r : radius;
+    for (size_t k = 0; k < 3; ++k) {
+      scene->position[3 * i + k] = static_cast<float>(center[k] + scale * d[k]);
+      scene->log_scale[4 * i + k] = static_cast<float>(std::log(size));
+    }
+    scene->opacity[i] = opacity;
+    scene->rotor[8 * i] = 1;
+  }
+}
+
+Scene empty_scene() {
+  Scene scene;
+  set_fps(scene.timeline, 30);
+  set_duration(scene.timeline, 1);
+  return scene;
+}
+
+TEST(FirstView, IsThatOfTheCameraNearestToTheMiddle) {
+  const Vec3 seen{1, 2, 9};
+  std::vector<l4d_camera> cameras;
+  for (const Vec3& eye : {Vec3{-4, 0, 0}, Vec3{0.5, 0.1, -1}, Vec3{5, 1, 0}, Vec3{0, -3, 1}}) {
+    cameras.push_back(looking(eye, seen));
+  }
+  l4d_presentation p = default_presentation();
+  p.playback = L4D_PLAYBACK_LOOP;
+  state_first_view(cameras, 1, &p);
+  ASSERT_EQ(p.has_camera, 1U);
+  EXPECT_EQ(p.playback, static_cast<uint32_t>(L4D_PLAYBACK_LOOP));
+  EXPECT_LT(distance(p.camera_position, {0.5, 0.1, -1}), 1e-9);
+  // It looks at what all see.
+  EXPECT_LT(distance(p.camera_target, seen), 0.05);
+  EXPECT_NEAR(p.camera_fov, 0.8, 1e-9);
+  // The camera that follows from it is the same one.
+  const l4d_camera again = camera_of(p, 64, 48);
+  for (size_t k = 0; k < 12; ++k) {
+    EXPECT_NEAR(again.world_to_camera[k], cameras[1].world_to_camera[k], 1e-6);
+  }
+  EXPECT_NEAR(again.fy, cameras[1].fy, 1e-9);
+}
+
+TEST(FirstView, LooksAheadWhereAxesDoNotMeet) {
+  // Side by side, all along z; and outwards from one place.
+  std::vector<l4d_camera> row, outwards;
+  for (const double x : {-2.0, 0.0, 2.0}) {
+    row.push_back(looking({x, 0, 0}, {x, 0, 1}));
+    outwards.push_back(looking({x, 0, 0.1}, {3 * x, 0, 4}));
+  }
+  for (const auto& cameras : {row, outwards}) {
+    l4d_presentation p = default_presentation();
+    state_first_view(cameras, 1, &p);
+    EXPECT_LT(std::abs(p.camera_position[0]), 1e-9);
+    EXPECT_GT(p.camera_target[2] - p.camera_position[2], 0.5);
+  }
+  l4d_presentation alone = default_presentation();
+  state_first_view({looking({0, 0, 0}, {0, 0, 1})}, 7, &alone);
+  EXPECT_NEAR(alone.camera_target[2], 7, 1e-9);
+  l4d_presentation none = default_presentation();
+  state_first_view(std::vector<l4d_camera>(), 7, &none);
+  EXPECT_EQ(none.has_camera, 0U);
+}
+
+TEST(FirstView, OfCamerasIsOneThatTrains) {
+  Scene scene = empty_scene();
+  add_ball(&scene, 100, {0, 0, 5}, 1, 0.1, 0.9F);
+  CameraSet set;
+  for (const double x : {-1.0, 0.0, 1.5}) {
+    Camera camera;
+    camera.camera = looking({x, 0, 0}, {0, 0, 5});
+    camera.split = x == 0 ? "test" : "train";
+    set.cameras.push_back(camera);
+  }
+  l4d_presentation p = default_presentation();
+  state_first_view(set, scene, &p);
+  EXPECT_NEAR(std::abs(p.camera_position[0]), 1.0, 0.5 + 1e-9);
+  EXPECT_NE(p.camera_position[0], 0);
+}
+
+TEST(Subject, LeavesOutFloatersAndHills) {
+  Scene scene = empty_scene();
+  add_ball(&scene, 6000, {2, 0, 1}, 1, 0.03, 0.9F);
+  add_ball(&scene, 2000, {2, 0, 1}, 30, 0.5, 0.5F);       // floaters
+  add_ball(&scene, 1500, {10, 0, 1}, 60, 2, 0.9F, true);  // hills
+  const Subject subject = subject_of(scene);
+  EXPECT_LT(distance(subject.center.data(), {2, 0, 1}), 0.2);
+  EXPECT_NEAR(subject.radius, 0.95, 0.1);
+}
+
+TEST(Subject, IsWhatTheSceneStates) {
+  Scene scene = empty_scene();
+  add_ball(&scene, 1000, {2, 0, 1}, 1, 0.03, 0.9F);
+  l4d_presentation& p = scene.presentation;
+  p.has_bounds = 1;
+  const double low[3] = {0, 0, 0}, high[3] = {2, 4, 4};
+  std::copy_n(low, 3, p.bounds_min);
+  std::copy_n(high, 3, p.bounds_max);
+  const Subject subject = subject_of(scene);
+  EXPECT_EQ(subject.center, (Vec3{1, 2, 2}));
+  EXPECT_EQ(subject.radius, 3);
+  EXPECT_EQ(subject.up_axis, 1U);
+}
+
+// A ball within walls is seen from within the walls; one behind a wall from its open side.
+TEST(FirstView, WithoutCamerasSeesTheDenseParts) {
+  Scene room = empty_scene();
+  add_ball(&room, 6000, {0, 0, 0}, 0.8, 0.03, 0.9F);
+  add_ball(&room, 9000, {0, 0, 0}, 2, 0.1, 0.95F, true);
+  l4d_presentation p = default_presentation();
+  state_first_view(room, &p);
+  ASSERT_EQ(p.has_camera, 1U);
+  EXPECT_LT(distance(p.camera_position, {0, 0, 0}), 1.95);
+  EXPECT_GT(distance(p.camera_position, {0, 0, 0}), 0.8);
+
+  Scene wall = empty_scene();
+  add_ball(&wall, 6000, {0, 0, 0}, 1, 0.03, 0.9F);
+  const size_t first = wall.count();
+  add_ball(&wall, 2000, {0, 0, 0}, 1.3, 0.1, 0.95F, true);
+  for (size_t i = first; i < wall.count(); ++i) {  // the half of the shell towards +z
+    float& z = wall.position[3 * i + 2];
+    z = std::abs(z);
+  }
+  p = default_presentation();
+  state_first_view(wall, &p);
+  EXPECT_LT(p.camera_position[2], 0.5);
+
+  Scene nothing = empty_scene();
+  add_ball(&nothing, 10, {0, 0, 0}, 1, 0.03, 0);
+  p = default_presentation();
+  state_first_view(nothing, &p);
+  EXPECT_EQ(p.has_camera, 0U);
+}
+
+}  // namespace
+}  // namespace l4d::io
