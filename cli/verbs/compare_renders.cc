@@ -4,6 +4,7 @@
 #include "cli/rendering.h"
 #include "cli/text/image_text.h"
 #include "cli/text/progress.h"
+#include "cli/text/units.h"
 #include "eval/image_comparison.h"
 
 namespace l4d::cli {
@@ -26,7 +27,13 @@ RendersCompared compare_renders(Context& context, const Input& input_a, const In
   }();
   if (options.picture != nullptr) {
     const io::View& worst = comparison.views[comparison.worst()].view;
-    io::write_png(options.picture->path(), eval::side_by_side(a, b, views, worst, options.gain));
+    const double fidelity = eval::capped_psnr(comparison.views[comparison.worst()].fidelity.mse);
+    const io::Image images = eval::side_by_side(a, b, views, worst, options.gain);
+    io::write_png(options.picture->path(),
+                  io::captioned(images, {"original, " + format_bytes(input_a.bytes()),
+                                         "decoded, " + format_bytes(input_b.bytes()) +
+                                             format(", %.1f dB", fidelity),
+                                         "difference x " + format_number(options.gain)}));
     options.picture->finish();
   }
   return {image_json(comparison, options.per_view), image_text(comparison, options.per_view),

@@ -64,6 +64,9 @@ std::optional<ByteImage> read_png_bytes(const std::string& path, const ImageLimi
 
 // Images of one height beside each other.
 Image side_by_side(const std::vector<Image>& images);
+// The image with a black strip below, in which the captions stand from left to right, each in its
+// equal part of the width; what does not fit is cut off. ASCII; other bytes are left blank.
+Image captioned(const Image& image, const std::vector<std::string>& captions);
 // Mean absolute difference of the channels times `gain`, as colours from black (0) over violet and
 // orange to pale yellow (1 and more). The lightness of the colours rises evenly.
 Image error_map(const Image& a, const Image& b, double gain);

@@ -49,7 +49,7 @@ expect 0 compare s.ply s.l4d --cameras c.json --frames 7 --min-fidelity 10
 expect_text out '^B against A '
 
 expect 0 compare s.ply s.l4d --cameras c.json --frames 7:9 --side-by-side x.png --per-view
-expect_png x.png 288 64
+expect_png x.png 288 78
 expect_equal "$(grep -Ec '^[02] +[78] ' out)" 4
 expect 3 compare s.ply s.l4d --cameras c.json --frames 7 --side-by-side x.png
 

@@ -233,5 +233,24 @@ TEST_F(ImageTest, ErrorMapIsEvenInLightness) {
   EXPECT_EQ(test::status_of([&] { error_map(a, Image(1, 1), 1); }), L4D_ERR_INVALID_ARGUMENT);
 }
 
+TEST(Captions, StandInTheirPartOfAStripBelow) {
+  Image image(120, 64);
+  std::fill(image.rgb.begin(), image.rgb.end(), 0.25F);
+  const Image out = captioned(image, {"|", "a far too long caption"});
+  ASSERT_EQ(out.width, 120U);
+  ASSERT_EQ(out.height, 78U);
+  EXPECT_TRUE(std::equal(image.rgb.begin(), image.rgb.end(), out.rgb.begin()));
+  size_t left = 0, right = 0;
+  for (size_t y = 64; y < 78; ++y) {
+    for (size_t x = 0; x < 120; ++x) {
+      const bool lit = out.rgb[3 * (120 * y + x)] > 0.5F;
+      (x < 60 ? left : right) += lit;
+      EXPECT_TRUE(!lit || x >= 60 || x == 6) << x;  // the bar is one column
+    }
+  }
+  EXPECT_EQ(left, 6U);
+  EXPECT_GT(right, 60U);
+}
+
 }  // namespace
 }  // namespace l4d::io
