@@ -31,6 +31,7 @@ struct RenderArguments {
   bool any_path = false;
   std::string camera;
   bool orbit = false;
+  std::string swing;
   std::string size;
   std::string scale;
   std::string background;
@@ -104,6 +105,12 @@ std::array<float, 3> parse_background(const std::string& text) {
   return rgb;
 }
 
+double parse_swing(const std::string& text) {
+  const double degrees = parse_number(text, "--swing");
+  if (!(degrees > 0 && degrees <= 90)) throw usage_error("--swing takes degrees, up to 90");
+  return degrees;
+}
+
 // The same view in an image of another size.
 void rescale(l4d_camera& camera, double factor) {
   const auto side = [&](uint32_t pixels) {
@@ -151,6 +158,23 @@ bool shows_first_view(const RenderArguments& arguments, const eval::RenderedScen
          scene.presentation().has_camera != 0;
 }
 
+// The camera of the first view, or with --swing one for each frame: there and back, once.
+std::vector<l4d_camera> first_view_path(const RenderArguments& arguments,
+                                        const eval::RenderedScene& scene, size_t frames) {
+  constexpr double kTurn = 6.283185307179586;
+  uint32_t width, height;
+  made_up_size(arguments.size, &width, &height);
+  const size_t count = arguments.swing.empty() ? 1 : frames;
+  const double angle = arguments.swing.empty() ? 0 : parse_swing(arguments.swing) * kTurn / 360;
+  std::vector<l4d_camera> cameras;
+  for (size_t k = 0; k < count; ++k) {
+    const double phase = kTurn * static_cast<double>(k) / static_cast<double>(count);
+    const l4d_presentation view = io::turned(scene.presentation(), angle * std::sin(phase));
+    cameras.push_back(io::camera_of(view, width, height));
+  }
+  return cameras;
+}
+
 Path camera_path(Context& context, const RenderArguments& arguments, const io::CameraSet& given,
                  const eval::RenderedScene& scene, size_t frames) {
   Path path;
@@ -166,9 +190,7 @@ Path camera_path(Context& context, const RenderArguments& arguments, const io::C
     set = orbit(kRings * steps);
     for (uint32_t k = 0; k < steps; ++k) path.cameras.push_back(set.cameras[k].camera);
   } else if (shows_first_view(arguments, scene)) {
-    uint32_t width, height;
-    made_up_size(arguments.size, &width, &height);
-    path.cameras.push_back(io::camera_of(scene.presentation(), width, height));
+    path.cameras = first_view_path(arguments, scene, frames);
   } else {
     set = arguments.cameras.empty() ? orbit(kOrbitCameras) : given;
     const io::Camera& camera = find_camera(set, arguments.camera);
@@ -178,6 +200,9 @@ Path camera_path(Context& context, const RenderArguments& arguments, const io::C
   if (!arguments.scale.empty()) {
     const double factor = parse_scale(arguments.scale);
     for (l4d_camera& camera : path.cameras) rescale(camera, factor);
+  }
+  if (!arguments.swing.empty() && !set.cameras.empty()) {
+    throw usage_error("--swing needs a first view, which the scene does not state");
   }
   note_cameras(context, set);
   return path;
@@ -209,6 +234,10 @@ std::vector<std::string> numbered_names(const RenderArguments& arguments, size_t
 void check(const RenderArguments& arguments, Target target, const SequenceArguments& sequence) {
   if (arguments.orbit && target == Target::kStill) {
     throw usage_error("--orbit circles the scene in a video or a sequence");
+  }
+  if (!arguments.swing.empty()) {
+    parse_swing(arguments.swing);
+    if (target == Target::kStill) throw usage_error("--swing is for a video or a sequence");
   }
   if (!arguments.size.empty() && !arguments.cameras.empty()) {
     throw usage_error("--size is for made-up cameras; --scale changes those of a file");
@@ -380,6 +409,12 @@ void add_render(Registry& registry) {
   verb->add_flag("--orbit", arguments->orbit, "Circle the scene once during the sequence")
       ->excludes(cameras)
       ->excludes(verb->get_option("--camera"));
+  verb->add_option("--swing", arguments->swing,
+                   "Swing by so many degrees to both sides of the first view during the sequence")
+      ->type_name("DEGREES")
+      ->excludes(cameras)
+      ->excludes(verb->get_option("--camera"))
+      ->excludes(verb->get_option("--orbit"));
   verb->add_option("--size", arguments->size, "Image size of made-up cameras (default: 640x360)")
       ->type_name("WxH");
   verb->add_option("--scale", arguments->scale, "Factor of the image size: 0.5, 2")->type_name("S");
@@ -405,7 +440,7 @@ void add_render(Registry& registry) {
       "Examples:\n"
       "  l4dcodec render scene.l4d --time 2.5 -o frame.png\n"
       "  l4dcodec render scene.l4d --cameras cameras.json --camera 3 --range 1:2 -o f_%04d.png\n"
-      "  l4dcodec render scene.l4d --orbit --size 1280x720 -o scene.mp4\n"
+      "  l4dcodec render scene.l4d --swing 12 --size 1280x720 -o scene.mp4\n"
       "The default instant is the middle of the sequence, the default range all of it.\n"
       "Of a stream only what is visible is decoded.");
 }

@@ -296,6 +296,20 @@ void copy_first_view(const l4d_presentation& from, l4d_presentation* presentatio
   set_camera(eye, target, up, from.camera_fov, presentation);
 }
 
+l4d_presentation turned(const l4d_presentation& presentation, double angle) {
+  l4d_presentation out = presentation;
+  Vec3 eye, target, up;
+  std::copy_n(presentation.camera_position, 3, eye.begin());
+  std::copy_n(presentation.camera_target, 3, target.begin());
+  std::copy_n(presentation.camera_up, 3, up.begin());
+  const Vec3 axis = unit(up), arm = minus(eye, target);
+  const double along = dot(arm, axis), c = std::cos(angle), s = std::sin(angle);
+  const Vec3 across = ahead(arm, -along, axis), beside = cross(axis, across);
+  const Vec3 at = ahead(ahead(ahead(target, along, axis), c, across), s, beside);
+  std::copy_n(at.begin(), 3, out.camera_position);
+  return out;
+}
+
 void place(const Vec3& eye, const Vec3& forward, const Vec3& up, l4d_camera& camera) {
   const Vec3 right = unit(cross(forward, up)), down = cross(forward, right);
   double axes[9];

@@ -28,6 +28,9 @@ void state_first_view(const Scene& scene, l4d_presentation* presentation);
 // That of `from`.
 void copy_first_view(const l4d_presentation& from, l4d_presentation* presentation);
 
+// The view turned about the point that it looks at, by an angle in radians around its up direction.
+l4d_presentation turned(const l4d_presentation& presentation, double angle);
+
 // Puts a camera at `eye`; `forward` has length 1 and is not parallel to `up`, which shows upwards
 // in the image.
 void place(const Vec3& eye, const Vec3& forward, const Vec3& up, l4d_camera& camera);

@@ -52,6 +52,21 @@ expect_png mine.png 640 360
 expect_document 0 render mine.l4d --time 1 --size 100x80 -o sized.png
 expect_json out 'd["camera"] is None and d["width"] == 100'
 
+# To swing is to go to both sides of it and back: the first frame and the middle one are the same view.
+expect 0 render mine.l4d --from 1 --to 1.12 --fps 30 --swing 20 --size 64x48 -o s%d.png
+for k in 0 1 2 3; do
+  expect 0 render mine.l4d --time "$("$PYTHON" -c "print(1 + $k / 30)")" --size 64x48 -o t$k.png
+done
+cmp s0.png t0.png || die "a swing begins elsewhere"
+cmp s2.png t2.png || die "a swing is not back in the middle"
+for k in 1 3; do
+  if cmp -s s$k.png t$k.png; then die "--swing does nothing"; fi
+done
+expect 2 render mine.l4d --time 1 --swing 20 -o x.png
+expect 2 render mine.l4d --swing 91 -o x%d.png
+expect 2 render none.l4d --swing 20 -o x%d.png
+expect_text err 'first view'
+
 # An orbit is around what is stated: the same one, whatever stands outside.
 expect 0 encode s.ply -o bounds.l4d -q --presentation bounds=-1:-1:-1:1:1:1
 expect 0 encode s.ply -o wide.l4d -q --presentation bounds=-4:-4:-4:4:4:4
