@@ -21,6 +21,8 @@ def test_snippets(folder: pathlib.Path, tmp_path: pathlib.Path, monkeypatch: pyt
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"^```python\n(.*?)^```", (SOURCE / page).read_text(encoding="utf-8"), re.M | re.S)
     assert len(blocks) >= least
+    assert l4dcodec.__doc__
+    blocks.append(re.sub("^    ", "", "".join(re.findall("^    .*\n", l4dcodec.__doc__, re.M)), flags=re.M))
     names: "dict[str, object]" = {}
     for block in blocks:
         exec(compile(block, page, "exec"), names)

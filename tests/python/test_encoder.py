@@ -47,6 +47,14 @@ def test_what_is_stated_comes_back() -> None:
     assert again.window is None and window is not None and (window == [3, 9]).all()
 
 
+def test_a_decoded_scene_can_be_encoded(folder: pathlib.Path) -> None:
+    scene = l4d.open(folder / "scene.l4d").decode()
+    assert not scene.position_at_mean_time and scene.mean_t.dtype == np.float64
+    again = lossless(scene)
+    assert l4d.compare(scene, again.decode()).identical
+    assert np.allclose(np.sort(again.slice(1).opacities), np.sort(l4d.open(folder / "scene.l4d").slice(1).opacities))
+
+
 def test_report(folder: pathlib.Path) -> None:
     report = l4d.encode(folder / "scene.ply", folder / "report.l4d")
     assert sorted(report.order) == list(range(3000)) and report.ratio > 4
@@ -81,8 +89,8 @@ def test_ctrl_c_cancels(folder: pathlib.Path, tmp_path: pathlib.Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         l4d.encode(scene, tmp_path / "a.l4d", progress=press)
     timer = threading.Timer(0.02, lambda: signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT))
-    timer.start()
     with pytest.raises(KeyboardInterrupt):
+        timer.start()
         for _ in range(1000):
             l4d.compare(scene, folder / "scene.l4d")
     assert list(tmp_path.iterdir()) == []
