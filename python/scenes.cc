@@ -106,7 +106,8 @@ void write_comparison(const l4d::eval::Comparison& c, l4dpy_comparison* out) {
       c.visible.p999, out);
 }
 
-// Whether a file is one stream that shows all of its sequence at its own times.
+// Whether a file is one stream that shows all of its sequence at its own times. One whose members
+// cannot be listed counts as that: a decoder may still read it in part.
 bool is_plain(const l4d_reader& reader, const l4d_timeline& timeline) {
   l4d_members* list = nullptr;
   l4d_members_info info;
@@ -117,7 +118,7 @@ bool is_plain(const l4d_reader& reader, const l4d_timeline& timeline) {
   if (status == L4D_OK) status = l4d_members_get_info(list, &info);
   if (status == L4D_OK) status = l4d_members_get(list, 0, &first);
   l4d_members_destroy(list);
-  if (status != L4D_OK) throw l4d::Error(status, l4d_last_error_message());
+  if (status != L4D_OK) return true;
   const l4d_timeline shown =
       l4d::eval::timeline_between(timeline, first.sequence_begin, first.sequence_end);
   return info.count == 1 && first.role == L4D_MEMBER_MEDIA && first.num_needs == 0 &&

@@ -73,9 +73,9 @@ typedef struct l4dpy_shown {
   double shift; /* seconds of the file less seconds of the stream */
 } l4dpy_shown;
 /* Opens a file, of which `timeline` is that of the first stream. *out is NULL if the file is one
- * stream that shows all of its sequence at its own times: a decoder alone then shows the file.
- * reader->user is used until the movie is destroyed. Fails as l4d_members_open and
- * l4d_decoder_open do. */
+ * stream that shows all of its sequence at its own times: a decoder alone then shows the file,
+ * and so it does if the members cannot be listed. reader->user is used until the movie is
+ * destroyed. Fails as l4d_members_open and l4d_decoder_open do. */
 l4d_status l4dpy_movie_open(const l4d_reader* reader, const l4d_decoder_options* options,
                             const l4d_timeline* timeline, l4dpy_movie** out);
 void l4dpy_movie_destroy(l4dpy_movie* movie); /* accepts NULL */

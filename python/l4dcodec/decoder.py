@@ -80,8 +80,9 @@ class Decoder:
         self.timeline.to_c(timeline)
         self._call.check(lib.l4dpy_movie_open(reader, options, timeline, movie))
         if movie[0] != ffi.NULL:
-            ffi.release(self._handle)
             self._movie = ffi.gc(movie[0], lib.l4dpy_movie_destroy)
+            ffi.release(self._handle)
+            self._handle = None
             self.info = self._get_movie_info()
         elif not isinstance(source, Reader):
             self._call.reader = None  # C reads by itself
@@ -168,8 +169,10 @@ class Decoder:
         timeline, count, first = ffi.new("l4d_timeline*"), ffi.new("uint64_t*"), ffi.new("l4d_decoder**")
         self._call.check(lib.l4dpy_movie_get(self._movie, timeline, count, first))
         self._handle = first[0]
-        info = self._get_info()
-        self._handle = None
+        try:
+            info = self._get_info()
+        finally:
+            self._handle = None  # it is the movie's
         assert self._call.reader is not None
         return dataclasses.replace(info, num_gaussians=count[0], file_bytes=self._call.reader.size(),
                                    timeline=Timeline.of_c(timeline))

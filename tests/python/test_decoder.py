@@ -280,6 +280,20 @@ def test_damage_is_found_and_left_out(folder: pathlib.Path) -> None:
     assert len(scene) == 3000 - lost == len(scene.sh)
 
 
+def test_a_file_that_ends_early(folder: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    data = (folder / "scene.l4d").read_bytes()
+    (tmp_path / "part.l4d").write_bytes(data[:-30000])
+    sources: List[Any] = [tmp_path / "part.l4d", data[:-30000]]
+    for source in sources:
+        stream = l4d.open(source)
+        assert stream.info.num_gaussians == 3000
+        with pytest.raises(l4d.Error) as caught:
+            stream.decode()
+        assert caught.value.status == l4d.Status.TRUNCATED
+        tolerant = l4d.open(source, tolerant=True)
+        assert len(tolerant.decode()) <= 3000 and tolerant.losses[0].status == l4d.Status.TRUNCATED
+
+
 @pytest.mark.parametrize("error", [OSError("no link"), KeyboardInterrupt()])
 def test_a_reader_that_fails(folder: pathlib.Path, error: BaseException) -> None:
     data = (folder / "scene.l4d").read_bytes()
