@@ -31,7 +31,7 @@ scene() {
   [[ $4 == all ]] || effects=(--effects "$4")
   "$tool" synth --scene cloud --seconds "$2" --fps 30 --gaussians "$3" --seed 5 "${effects[@]}" -q -f -o "$work/$name.ply"
   shift 4
-  "$tool" encode "$work/$name.ply" "$@" -q -f -o "$work/$name.part.l4d"
+  "$tool" encode "$work/$name.ply" --no-first-view "$@" -q -f -o "$work/$name.part.l4d"
   mv "$work/$name.part.l4d" "$work/$name.l4d"
 }
 scene long 20 20000 all
@@ -50,7 +50,7 @@ scene drawn 1 4000 all --rendering dilation=1.5,cutoff=1.7,min_alpha=0.05,max_al
 # Of several streams, with playlists: as it is recorded, and as other files are joined.
 if [[ ! $work/joined.m3u8 -nt $tool ]]; then
   "$tool" synth --scene cloud --seconds 8 --fps 30 --gaussians 12000 --seed 6 -q -f -o "$work/members.ply"
-  "$tool" encode "$work/members.ply" --live --segment 1 --playlist "$work/members.m3u8" -q -f -o "$work/members.l4d"
+  "$tool" encode "$work/members.ply" --no-first-view --live --segment 1 --playlist "$work/members.m3u8" -q -f -o "$work/members.l4d"
   "$tool" concat "$work/frames.l4d" "$work/short.l4d" "$work/tiers.l4d" -q -f -o "$work/joined.l4d"
   "$tool" manifest "$work/joined.l4d" -q -f -o "$work/joined.m3u8"
 fi
