@@ -30,8 +30,13 @@ install(TARGETS ${l4d_libraries} ${runtime} EXPORT l4dcodec
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
   LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}
   RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+# Without the renderer, nothing defines what its headers declare.
+set(l4d_left_out)
+if(NOT TARGET l4drender)
+  set(l4d_left_out PATTERN "render.*" EXCLUDE PATTERN "cuda_*" EXCLUDE)
+endif()
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/l4d DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
-  FILES_MATCHING PATTERN "*.h" PATTERN "*.hpp")
+  FILES_MATCHING PATTERN "*.h" PATTERN "*.hpp" ${l4d_left_out})
 if(TARGET l4dcodec_cli)
   install(TARGETS l4dcodec_cli RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endif()
