@@ -24,6 +24,12 @@ constexpr double kMaxStep[L4D_COMPONENT_COUNT] = {0, 0.6, 0.08, 0.0215};
 constexpr float kRotorPerStereographic = 6.0f;
 constexpr double kStepShare = 0.95;
 constexpr double kNearMinusOne = -0.999999;
+// A change of a coordinate of a temporal rotor turns a slow Gaussian's speed about four times as
+// far. Two octaves to spare, so that single Gaussians find finer steps.
+constexpr double kSpeedPerStereographic = 4.0 * 4.0;
+// What an escape takes more than a code.
+constexpr double kEscapeBits = 350;
+constexpr int kMostFinerOctaves = 16;
 
 constexpr int kComponents = 3;
 constexpr size_t kGrain = 4096;
@@ -256,6 +262,9 @@ class ShapeCoder {
       if (c == L4D_COMPONENT_SCALE && options_.bounds.covariance > 1) {
         s.max_step = std::min(s.max_step, kStepShare * std::log(options_.bounds.covariance));
       }
+      if (c == L4D_COMPONENT_ROTOR_TEMPORAL) {
+        s.max_step = std::ldexp(s.max_step, -finer_octaves(s.max_step, rows.dim));
+      }
       // What does not move has to decode to what does not move, whatever others do.
       s.zero_origin = c == L4D_COMPONENT_ROTOR_TEMPORAL;
       s.all_coefficients = true;
@@ -271,6 +280,39 @@ class ShapeCoder {
     if (by_cost) s.rd_lambda = quality_.rd_lambda(c);
     return code_component(rows.values.data(), (by_cost ? rows.importance : rows.weights).data(), n,
                           rows.dim, out_.blocks, s);
+  }
+
+  // By how many octaves the largest step of temporal rotors is to be finer. A rotor mixes lengths
+  // with seconds, so that the steps which keep positions follow the unit of the scene, and step
+  // exponents may not reach them. Fewest bits: those of rows that need no such steps against those
+  // of escapes.
+  int finer_octaves(double step, size_t dim) const {
+    if (!(options_.bounds.position > 0)) return 0;
+    double cost[kMostFinerOctaves + 1] = {};
+    for (const uint32_t i : out_.members) {
+      const double wanted = std::log2(step / position_keeping_step(i));
+      for (int o = 0; o <= kMostFinerOctaves; ++o) {
+        cost[o] += static_cast<double>(dim) * std::max(0.0, o - std::max(wanted, 0.0));
+        if (wanted > o + static_cast<int>(kTransformStepExponents) - 1) cost[o] += kEscapeBits;
+      }
+    }
+    return static_cast<int>(std::min_element(cost, cost + kMostFinerOctaves + 1) - cost);
+  }
+
+  // The step of temporal rotors, about, with which Gaussian i stays within its bound of position.
+  double position_keeping_step(size_t i) const {
+    const SeenGaussian g = scene_.seen(i);
+    const Sequence shown = scene_.shown(i);
+    const double nearest = std::clamp(g.mean, shown.begin, shown.end) - g.mean;
+    const double half = std::sqrt(nearest * nearest + 2 * std::log(2.0) / g.lambda);
+    const double seconds = std::clamp(g.mean + half, shown.begin, shown.end) -
+                           std::clamp(g.mean - half, shown.begin, shown.end);
+    const double trace = g.covariance[0] + g.covariance[3] + g.covariance[5];
+    const double size = std::max({std::sqrt(trace / 3), options_.bounds.min_size, g.min_size});
+    double speed2 = 0;
+    for (const double v : g.velocity) speed2 += v * v;
+    const double moved = kSpeedPerStereographic * (1 + speed2) * 0.5 * seconds;  // for a step of 1
+    return 2 * options_.bounds.position * size / std::max(moved, 1e-30);
   }
 
   // Bits, and errors in bits of the same worth.

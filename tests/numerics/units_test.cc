@@ -81,6 +81,20 @@ INSTANTIATE_TEST_SUITE_P(HardScenes, Units, testing::Range<size_t>(0, 8), [](con
   return name;
 });
 
+// Steps of temporal rotors follow the unit: without that, fast or slow Gaussians are escapes.
+TEST(UnitsOf, BytesGrowLittle) {
+  const auto bytes_at = [](double scale) {
+    size_t bytes = 0;
+    for (const HardScene& hard : hard_scenes()) {
+      bytes += encode(in_other_units(hard.make(), scale, 0), options_of("default")).bytes.size();
+    }
+    return static_cast<double>(bytes);
+  };
+  const double before = bytes_at(1);
+  EXPECT_LT(bytes_at(1e-3), 1.02 * before);
+  EXPECT_LT(bytes_at(1e3), 1.05 * before);
+}
+
 // Errors are against the input at the ends of the range of sizes, too.
 TEST(UnitsOf, ErrorsAreAgainstTheInput) {
   for (const float log_scale : {-16.9f, 16.9f}) {
