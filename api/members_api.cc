@@ -46,7 +46,7 @@ struct l4d_members {
   l4d::MemoryBudget memory;
   l4d::MemberList list{source, memory};
   std::string rest;
-  std::vector<std::unique_ptr<l4d::ReaderWindow>> windows;  // of members, made on first use
+  std::vector<std::unique_ptr<l4d::MemberReader>> readers;  // of members, made on first use
 };
 
 namespace {
@@ -174,7 +174,7 @@ l4d_status l4d_members_open(const l4d_reader* reader, const l4d_members_options*
     L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(made->reader, &made->source));
     L4D_RETURN_IF_ERROR(o.ignore_index != 0 ? made->list.walk() : made->list.read());
     if (!made->list.rest().ok()) made->rest = made->list.rest().detail();
-    made->windows.resize(made->list.members().size());
+    made->readers.resize(made->list.members().size());
     *out = made.release();
     return {};
   }));
@@ -248,12 +248,12 @@ l4d_status l4d_members_get_reader(l4d_members* members, uint64_t index, l4d_read
   return with_members(members, required(out), [&](const l4d::MemberList& list) -> Status {
     const ListedMember* m = nullptr;
     L4D_RETURN_IF_ERROR(find_member(list, index, &m));
-    std::unique_ptr<l4d::ReaderWindow>& window = members->windows[static_cast<size_t>(index)];
-    if (window == nullptr) {
+    std::unique_ptr<l4d::MemberReader>& reader = members->readers[static_cast<size_t>(index)];
+    if (reader == nullptr) {
       if (list.is_from_index()) L4D_RETURN_IF_ERROR(members->list.check_header(*m));
-      window = std::make_unique<l4d::ReaderWindow>(members->reader, m->offset, m->bytes);
+      reader = std::make_unique<l4d::MemberReader>(members->reader, m->offset, m->bytes);
     }
-    write_struct(window->reader(), out);
+    write_struct(reader->reader(), out);
     return {};
   });
 }

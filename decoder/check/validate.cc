@@ -417,13 +417,13 @@ Status validate_file(const l4d_reader& reader, const l4d_decoder_options& given,
   for (const ListedMember& m : list.members()) {
     MemberHeader header;
     L4D_RETURN_IF_ERROR(list.read_header(m.offset, &header));
-    ReaderWindow window(reader, m.offset, m.bytes);
+    MemberReader member(reader, m.offset, m.bytes);
     const auto report_at = [&](const Status& s) {
       const bool placed = s.offset() != Status::kNoOffset;
       report(placed ? Status(s.code(), s.clause(), m.offset + s.offset(), s.message()) : s);
     };
     // The reference loops: what a validator finds must not depend on the machine.
-    L4D_RETURN_IF_ERROR(validate_stream(window.reader(), options, header.chunks,
+    L4D_RETURN_IF_ERROR(validate_stream(member.reader(), options, header.chunks,
                                         decode_kernels_reference(), {}, report_at));
   }
   if (!list.rest().ok()) report(list.rest());

@@ -350,7 +350,7 @@ Status MemberList::check_index() {
   return {};
 }
 
-l4d_reader ReaderWindow::reader() {
+l4d_reader MemberReader::reader() {
   l4d_reader out = inner_;
   out.struct_size = sizeof out;
   out.user = this;
@@ -360,27 +360,27 @@ l4d_reader ReaderWindow::reader() {
   return out;
 }
 
-int64_t ReaderWindow::read_at(void* user, void* dst, size_t n, uint64_t offset) {
-  const auto& window = *static_cast<ReaderWindow*>(user);
-  if (offset > window.bytes_) return -1;
-  const uint64_t left = window.bytes_ - offset;
-  return window.inner_.read_at(window.inner_.user, dst,
+int64_t MemberReader::read_at(void* user, void* dst, size_t n, uint64_t offset) {
+  const auto& member = *static_cast<MemberReader*>(user);
+  if (offset > member.bytes_) return -1;
+  const uint64_t left = member.bytes_ - offset;
+  return member.inner_.read_at(member.inner_.user, dst,
                                static_cast<size_t>(std::min<uint64_t>(n, left)),
-                               window.offset_ + offset);
+                               member.offset_ + offset);
 }
 
-int64_t ReaderWindow::size(void* user) {
-  return static_cast<int64_t>(static_cast<ReaderWindow*>(user)->bytes_);
+int64_t MemberReader::size(void* user) {
+  return static_cast<int64_t>(static_cast<MemberReader*>(user)->bytes_);
 }
 
-int ReaderWindow::read_many(void* user, const l4d_read* reads, size_t count) {
-  const auto& window = *static_cast<ReaderWindow*>(user);
+int MemberReader::read_many(void* user, const l4d_read* reads, size_t count) {
+  const auto& member = *static_cast<MemberReader*>(user);
   std::vector<l4d_read> moved(reads, reads + count);
   for (l4d_read& r : moved) {
-    if (r.offset > window.bytes_ || r.size > window.bytes_ - r.offset) return -1;
-    r.offset += window.offset_;
+    if (r.offset > member.bytes_ || r.size > member.bytes_ - r.offset) return -1;
+    r.offset += member.offset_;
   }
-  return window.inner_.read_many(window.inner_.user, moved.data(), count);
+  return member.inner_.read_many(member.inner_.user, moved.data(), count);
 }
 
 }  // namespace l4d

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The members of a file (spec: section 20.2), and windows of a reader that show one of them.
+// The members of a file (spec: section 20.2), and readers of one of them.
 #pragma once
 
 #include <vector>
@@ -101,9 +101,9 @@ class MemberList {
 
 // A reader of `bytes` bytes of another one, from `offset` on. It is used by address, and outlives
 // the reader that it gives.
-class ReaderWindow {
+class MemberReader {
  public:
-  ReaderWindow(const l4d_reader& reader, uint64_t offset, uint64_t bytes)
+  MemberReader(const l4d_reader& reader, uint64_t offset, uint64_t bytes)
       : inner_(reader), offset_(offset), bytes_(bytes) {}
   l4d_reader reader();
 
