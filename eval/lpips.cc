@@ -42,9 +42,9 @@ class Pipeline {
     for (size_t k = 0; k < layers; ++k) {
       const LpipsLayer& layer = network.layers[k];
       if (layer.pool > 0) {
-        shape = add<MaxPoolStage>(shape, WindowStage::Window{layer.pool, kPoolStride, 0}, next());
+        shape = add<MaxPoolStage>(shape, FilterStage::Window{layer.pool, kPoolStride, 0}, next());
       }
-      const WindowStage::Window window{layer.side, layer.stride, layer.padding};
+      const FilterStage::Window window{layer.side, layer.stride, layer.padding};
       RowSink to_next = next();
       FeatureDistance* distance = nullptr;
       if (layer.is_compared) {
@@ -88,7 +88,7 @@ class Pipeline {
   }
 
   std::vector<FeatureDistance> distances_;
-  std::vector<std::unique_ptr<WindowStage>> stages_;
+  std::vector<std::unique_ptr<FilterStage>> stages_;
 };
 
 // Pixels of a side that are left in the last layer.

@@ -31,7 +31,7 @@ size_t window_positions(size_t length, size_t side, size_t stride, size_t paddin
   return length == 0 || padded < side ? 0 : (padded - side) / stride + 1;
 }
 
-WindowStage::WindowStage(const MapShape& in, size_t channels, const Window& window, RowSink sink)
+FilterStage::FilterStage(const MapShape& in, size_t channels, const Window& window, RowSink sink)
     : in_(in),
       window_(window),
       out_{channels, window_positions(in.width, window.side, window.stride, window.padding),
@@ -41,17 +41,17 @@ WindowStage::WindowStage(const MapShape& in, size_t channels, const Window& wind
       ring_(window.side * 2 * in.channels * padded_width_),
       row_(2 * channels * out_.width) {}
 
-size_t WindowStage::ring_index(size_t image, size_t channel, size_t y) const {
+size_t FilterStage::ring_index(size_t image, size_t channel, size_t y) const {
   return ((y % window_.side * 2 + image) * in_.channels + channel) * padded_width_;
 }
 
-const float* WindowStage::line(size_t image, size_t channel, size_t y, size_t line) const {
+const float* FilterStage::line(size_t image, size_t channel, size_t y, size_t line) const {
   const size_t padded_y = y * window_.stride + line;
   if (padded_y < window_.padding || padded_y >= in_.height + window_.padding) return nullptr;
   return &ring_[ring_index(image, channel, padded_y - window_.padding)];
 }
 
-void WindowStage::push(const float* row) {
+void FilterStage::push(const float* row) {
   for (size_t image = 0; image < 2; ++image) {
     for (size_t channel = 0; channel < in_.channels; ++channel) {
       std::copy_n(row + (image * in_.channels + channel) * in_.width, in_.width,
@@ -71,7 +71,7 @@ void WindowStage::push(const float* row) {
 ConvolutionStage::ConvolutionStage(const MapShape& in, size_t channels, const Window& window,
                                    const std::vector<float>& weights,
                                    const std::vector<float>& bias, uint32_t threads, RowSink sink)
-    : WindowStage(in, channels, window, std::move(sink)),
+    : FilterStage(in, channels, window, std::move(sink)),
       weights_(weights),
       bias_(bias),
       threads_(static_cast<int>(threads)),

@@ -22,16 +22,16 @@ using RowSink = std::function<void(const float* row)>;
 
 // Gets the rows of a map from top to bottom, and passes each row of its own map on to `sink` once
 // it has the rows for it.
-class WindowStage {
+class FilterStage {
  public:
   struct Window {
     size_t side = 1, stride = 1, padding = 0;
   };
 
-  WindowStage(const MapShape& in, size_t channels, const Window& window, RowSink sink);
-  virtual ~WindowStage() = default;
-  WindowStage(const WindowStage&) = delete;
-  WindowStage& operator=(const WindowStage&) = delete;
+  FilterStage(const MapShape& in, size_t channels, const Window& window, RowSink sink);
+  virtual ~FilterStage() = default;
+  FilterStage(const FilterStage&) = delete;
+  FilterStage& operator=(const FilterStage&) = delete;
 
   const MapShape& out() const { return out_; }
   void push(const float* row);
@@ -58,7 +58,7 @@ class WindowStage {
 };
 
 // A convolution with a bias, then ReLU. What it makes is the same for any number of threads.
-class ConvolutionStage final : public WindowStage {
+class ConvolutionStage final : public FilterStage {
  public:
   // weights: [channels, in.channels, side, side]; bias: [channels]. The stage keeps references.
   ConvolutionStage(const MapShape& in, size_t channels, const Window& window,
@@ -78,10 +78,10 @@ class ConvolutionStage final : public WindowStage {
 };
 
 // The largest value of each window, channel by channel.
-class MaxPoolStage final : public WindowStage {
+class MaxPoolStage final : public FilterStage {
  public:
   MaxPoolStage(const MapShape& in, const Window& window, RowSink sink)
-      : WindowStage(in, in.channels, window, std::move(sink)) {}
+      : FilterStage(in, in.channels, window, std::move(sink)) {}
 
  private:
   void make_row(size_t y, float* row) override;
