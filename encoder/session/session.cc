@@ -380,8 +380,8 @@ Status Session::code(const Encoder& encoder, const Planned& planned, Bytes* out)
     make_empty_member(empty_header(encoder, planned), planned.about, out);
     return {};
   }
-  const SessionPart part(pool_, planned.rows, planned.timeline, planned.price_seconds);
-  EncoderInput input = part.input(piece_);
+  const SessionScene scene(pool_, planned.rows, planned.timeline, planned.price_seconds);
+  EncoderInput input = scene.input(piece_);
   input.shared_count = planned.shared_count;
   // What is left out was chosen for the whole piece.
   EncoderSettings settings = encoder.settings();

@@ -116,8 +116,8 @@ void SessionPool::keep(const std::vector<char>& mask) {
   keep_rows(mask, 1, &min_sizes_);
 }
 
-SessionPart::SessionPart(const SessionPool& pool, const std::vector<uint32_t>& rows,
-                         const l4d_timeline& timeline, double price_seconds)
+SessionScene::SessionScene(const SessionPool& pool, const std::vector<uint32_t>& rows,
+                           const l4d_timeline& timeline, double price_seconds)
     : timeline_(timeline) {
   const AttributeArrays& all = pool.arrays_;
   arrays_.sh_degree = all.sh_degree;
@@ -159,7 +159,7 @@ SessionPart::SessionPart(const SessionPool& pool, const std::vector<uint32_t>& r
   }
 }
 
-EncoderInput SessionPart::input(const EncoderInput& like) const {
+EncoderInput SessionScene::input(const EncoderInput& like) const {
   EncoderInput in;
   in.gaussians = arrays_.view();
   in.timeline = timeline_;

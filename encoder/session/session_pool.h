@@ -27,7 +27,7 @@ class SessionPool {
   std::vector<PooledGaussian>& rows() { return rows_; }
 
  private:
-  friend class SessionPart;
+  friend class SessionScene;
 
   // Drops what is the same as one of the first `before` rows.
   void drop_known(size_t before);
@@ -43,13 +43,13 @@ class SessionPool {
 };
 
 // Some of the Gaussians as a scene of its own.
-class SessionPart {
+class SessionScene {
  public:
   // price_seconds: what importances are averages over.
-  SessionPart(const SessionPool& pool, const std::vector<uint32_t>& rows,
-              const l4d_timeline& timeline, double price_seconds);
-  SessionPart(const SessionPart&) = delete;
-  SessionPart& operator=(const SessionPart&) = delete;
+  SessionScene(const SessionPool& pool, const std::vector<uint32_t>& rows,
+               const l4d_timeline& timeline, double price_seconds);
+  SessionScene(const SessionScene&) = delete;
+  SessionScene& operator=(const SessionScene&) = delete;
 
   // Borrows the arrays. `like`: what it has in common with the piece.
   EncoderInput input(const EncoderInput& like) const;
