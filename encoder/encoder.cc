@@ -50,28 +50,28 @@ Escapes take_out(const std::vector<uint32_t>& these, std::vector<LayerPlan>* pla
       if (found) taken.push_back(i);
       return found;
     };
-    plan.members.erase(std::remove_if(plan.members.begin(), plan.members.end(), is_one),
-                       plan.members.end());
+    plan.gaussians.erase(std::remove_if(plan.gaussians.begin(), plan.gaussians.end(), is_one),
+                         plan.gaussians.end());
   }
   return out;
 }
 
 // Layers stay in the order of their levels.
 void add_escapes(const EncoderScene& scene, unsigned level, bool flat,
-                 std::vector<uint32_t> members, std::vector<CodedLayer>* layers) {
-  if (members.empty()) return;
+                 std::vector<uint32_t> gaussians, std::vector<CodedLayer>* layers) {
+  if (gaussians.empty()) return;
   const auto finer = std::find_if(layers->begin(), layers->end(),
                                   [&](const CodedLayer& l) { return l.level > level; });
-  layers->insert(finer, code_escapes(scene, level, flat, members));
+  layers->insert(finer, code_escapes(scene, level, flat, gaussians));
 }
 
-// Gives each layer the codes of its members, in their order, as those of other components are. What
-// stays is shared by all layers.
+// Gives each layer the codes of its Gaussians, in their order, as those of other components are.
+// What stays is shared by all layers.
 void distribute_sh(int threads, CodedScene* coded) {
   CodedComponent& sh = coded->sh;
   if (!sh.any_escape) sh.decoded = std::vector<float>();
   for (CodedLayer& layer : coded->layers) {
-    layer.component[L4D_COMPONENT_SH] = codes_of(sh, layer.members, threads);
+    layer.component[L4D_COMPONENT_SH] = codes_of(sh, layer.gaussians, threads);
   }
   drop_codes(sh);
 }
@@ -147,7 +147,7 @@ class Encoder::Run {
     std::vector<CodedLayer>& layers = coded_.layers;
     layers.resize(plans_.size());
     for (size_t l = plans_.size(); l-- > 0;) {
-      if (plans_[l].members.empty()) continue;
+      if (plans_[l].gaussians.empty()) continue;
       steps_.begin("layering");
       std::vector<uint32_t> demoted;
       layers[l] =
@@ -156,7 +156,7 @@ class Encoder::Run {
       if (!demoted.empty()) {
         size_t coarser = l - 1;
         while (plans_[coarser].flat || plans_[coarser].tier > 0) --coarser;
-        std::vector<uint32_t>& to = plans_[coarser].members;
+        std::vector<uint32_t>& to = plans_[coarser].gaussians;
         std::vector<uint32_t> all(to.size() + demoted.size());
         std::merge(to.begin(), to.end(), demoted.begin(), demoted.end(), all.begin());
         to = std::move(all);
@@ -165,7 +165,7 @@ class Encoder::Run {
       steps_.advance(kLayersWork / plans_.size());
     }
     layers.erase(std::remove_if(layers.begin(), layers.end(),
-                                [](const CodedLayer& l) { return l.members.empty(); }),
+                                [](const CodedLayer& l) { return l.gaussians.empty(); }),
                  layers.end());
   }
 
@@ -184,9 +184,9 @@ class Encoder::Run {
       colors_ = largest_color_errors(scene_, coded_.sh, threads_);
       L4D_RETURN_IF_ERROR(check_colors(colors_, options_.bounds));
     }
-    for (auto& [layer, members] : escapes_) {
-      report_.totals.escapes += members.size();
-      add_escapes(scene_, layer.first, layer.second, std::move(members), &coded_.layers);
+    for (auto& [layer, gaussians] : escapes_) {
+      report_.totals.escapes += gaussians.size();
+      add_escapes(scene_, layer.first, layer.second, std::move(gaussians), &coded_.layers);
     }
     report_.totals.num_layers = static_cast<uint32_t>(coded_.layers.size());
     distribute_sh(threads_, &coded_);

@@ -98,7 +98,7 @@ class Refiner {
             std::fill(sum.begin(), sum.end(), 0.0);
             double total = 0;
             for (size_t m = cells.start[e]; m < cells.start[e + 1]; ++m) {
-              const size_t j = cells.member[m];
+              const size_t j = cells.index[m];
               const double w = static_cast<double>(weight[j]);
               total += w;
               for (size_t k = 0; k < dim; ++k)

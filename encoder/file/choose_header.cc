@@ -26,7 +26,7 @@ LayerHeader layer_header(const CodedLayer& layer) {
   LayerHeader header;
   header.level = layer.level;
   header.permanent = layer.permanent;
-  header.num_gaussians = layer.members.size();
+  header.num_gaussians = layer.gaussians.size();
   header.raw_position = layer.escape;
   header.tier = layer.tier;
   static_cast<MeanTimeCoding&>(header) = layer.mean_times;

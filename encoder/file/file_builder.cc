@@ -88,8 +88,9 @@ class FileBuilder {
   void build_pages() {
     for (size_t l = 0; l < layers_.size(); ++l) {
       // A bucket's pages are described in one directory page, whose size the format bounds.
-      const size_t page_size = std::max(static_cast<size_t>(settings_.get(L4D_ENC_PAGE_SIZE)),
-                                        layers_[l].members.size() / kMaxPagesPerDirectoryPage + 1);
+      const size_t page_size =
+          std::max(static_cast<size_t>(settings_.get(L4D_ENC_PAGE_SIZE)),
+                   layers_[l].gaussians.size() / kMaxPagesPerDirectoryPage + 1);
       const PageOptions options{page_size, settings_.get_int(L4D_ENC_ZSTD_LEVEL),
                                 settings_.get_bool(L4D_ENC_RANS)};
       built_.push_back(

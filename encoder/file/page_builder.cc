@@ -83,7 +83,7 @@ class LayerBuilder {
         out.pages[p] = build_page(cuts_[p], model.get(), streams, whole);
       }
     });
-    for (const uint32_t j : order_) out.order.push_back(layer_.members[j]);
+    for (const uint32_t j : order_) out.order.push_back(layer_.gaussians[j]);
     return out;
   }
 
@@ -93,7 +93,7 @@ class LayerBuilder {
   bool fixed() const { return header_.position_of(layer_header_) == CoordinateCodingId::kFixed; }
   // The input's own bits, where the scene is lossless.
   float raw_position(size_t j, size_t k) const {
-    return lossless() ? scene_.raw_position[3 * layer_.members[j] + k]
+    return lossless() ? scene_.raw_position[3 * layer_.gaussians[j] + k]
                       : static_cast<float>(layer_.position[3 * j + k]);
   }
 
@@ -121,7 +121,7 @@ class LayerBuilder {
 
   // Coded positions, and the order inside buckets along a Morton curve over their ordered integers.
   void code_positions() {
-    const size_t n = layer_.members.size();
+    const size_t n = layer_.gaussians.size();
     half_.resize(fixed() ? 0 : 3 * n);
     fixed_.resize(fixed() ? 3 * n : 0);
     std::vector<uint64_t> key(n);
@@ -170,11 +170,11 @@ class LayerBuilder {
     }
   }
 
-  // Members are ordered by bucket and blocks are runs of members; the order changes only inside
-  // buckets, so a member's place in the list still tells its block.
-  uint32_t block_of(size_t member) const {
+  // Gaussians are ordered by bucket and blocks are runs of Gaussians; the order changes only inside
+  // buckets, so a Gaussian's place in the list still tells its block.
+  uint32_t block_of(size_t index) const {
     for (size_t b = 0; b < layer_.blocks.size(); ++b) {
-      if (member < layer_.blocks[b].begin || member >= layer_.blocks[b].end) continue;
+      if (index < layer_.blocks[b].begin || index >= layer_.blocks[b].end) continue;
       const BlockRecord entries = block_entries(layer_, b);
       for (const RcqTableRef& t : entries.tables) {
         if (t.num_entries != 0) return static_cast<uint32_t>(b);
@@ -205,10 +205,10 @@ class LayerBuilder {
       if (layer_header_.mean_t_fine) columns.mean_t_fine.push_back(layer_.mean_t_fine[j]);
       if (layer_header_.flat()) add_window(j, &columns);
       if (layer_header_.mean_t == CoordinateCodingId::kRaw64) {
-        columns.raw64_mean_t.push_back(scene_.mean_t[layer_.members[j]]);
+        columns.raw64_mean_t.push_back(scene_.mean_t[layer_.gaussians[j]]);
       }
       if (layer_header_.mean_t == CoordinateCodingId::kRaw32) {
-        columns.raw_mean_t.push_back(lossless() ? scene_.raw_mean_t[layer_.members[j]]
+        columns.raw_mean_t.push_back(lossless() ? scene_.raw_mean_t[layer_.gaussians[j]]
                                                 : static_cast<float>(layer_.decoded_mean_t[j]));
       }
       if (lossless()) {
@@ -223,7 +223,7 @@ class LayerBuilder {
   }
 
   void add_window(size_t j, PageColumns* columns) const {
-    const FrameWindow window = scene_.window[layer_.members[j]];
+    const FrameWindow window = scene_.window[layer_.gaussians[j]];
     const uint32_t base =
         window_base(layer_.bucket[j], layer_header_.level, scene_.timeline.num_frames);
     const uint32_t values[2] = {window.begin - base,
@@ -275,7 +275,7 @@ class LayerBuilder {
         // The bits given, and not those of another rotor of the same rotation: rounded to binary32,
         // that would move at another velocity.
         const l4d_gaussians& given = scene_.given;
-        const size_t s = scene_.source[layer_.members[order_[i]]];
+        const size_t s = scene_.source[layer_.gaussians[order_[i]]];
         const float* from = c == L4D_COMPONENT_SH              ? given.sh + dim * s
                             : c == L4D_COMPONENT_SCALE         ? given.log_scale + 4 * s
                             : c == L4D_COMPONENT_ROTOR_SPATIAL ? given.rotor + 8 * s
@@ -343,7 +343,7 @@ class LayerBuilder {
       const double reach = 4 * kExtentGuard / std::sqrt(layer_.decoded_lambda[j]);
       Sequence shown = {begin, end};
       if (layer_.fades()) shown = {mean - reach, mean + reach};
-      if (layer_.flat) shown = window_times(scene_.timeline, scene_.window[layer_.members[j]]);
+      if (layer_.flat) shown = window_times(scene_.timeline, scene_.window[layer_.gaussians[j]]);
       const double a = std::clamp(shown.begin, begin, end);
       const double b = std::clamp(shown.end, begin, end);
       first = std::min(first, a);
@@ -382,7 +382,7 @@ class LayerBuilder {
   PageOptions options_;
   std::vector<uint16_t> half_;   // [m, 3], or
   std::vector<uint32_t> fixed_;  // [m, 3]
-  std::vector<uint32_t> order_;  // stored order: indices of members
+  std::vector<uint32_t> order_;  // stored order: indices of Gaussians
   std::vector<Cut> cuts_;
 };
 

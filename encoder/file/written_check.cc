@@ -64,8 +64,8 @@ class Comparison {
     place_.resize(scene.given.count);
     const std::vector<CodedLayer>& layers = expected.coded.layers;
     for (uint32_t l = 0; l < layers.size(); ++l) {
-      for (uint32_t j = 0; j < layers[l].members.size(); ++j) {
-        place_[scene.source[layers[l].members[j]]] = {l, j};
+      for (uint32_t j = 0; j < layers[l].gaussians.size(); ++j) {
+        place_[scene.source[layers[l].gaussians[j]]] = {l, j};
       }
     }
   }
@@ -92,7 +92,7 @@ class Comparison {
 
  private:
   struct Place {
-    uint32_t layer, member;
+    uint32_t layer, index;
   };
   static constexpr uint64_t kNone = std::numeric_limits<uint64_t>::max();
 
@@ -100,7 +100,7 @@ class Comparison {
     const Place place = place_[expected_.order[page.first + k]];
     const CodedLayer& layer = expected_.coded.layers[place.layer];
     const DecodedGaussian g = decoded_gaussian(expected_.scene, expected_.positions,
-                                               expected_.opacity, layer, place.member);
+                                               expected_.opacity, layer, place.index);
     const auto same = [](const float* a, const float* b, size_t n) {
       return std::equal(a, a + n, b);  // -0 is 0
     };
@@ -112,7 +112,7 @@ class Comparison {
   bool off_in_color(const CheckedPage& page, size_t k) const {
     const EncoderScene& scene = expected_.scene;
     const Place place = place_[expected_.order[page.first + k]];
-    const size_t i = expected_.coded.layers[place.layer].members[place.member];
+    const size_t i = expected_.coded.layers[place.layer].gaussians[place.index];
     const size_t dim = scene.sh_dim();
     const ColorErrors e = color_errors(scene.sh.data() + dim * i, page.sh + dim * k, dim / 3);
     return !(e.base <= static_cast<double>(expected_.errors.base_color) &&

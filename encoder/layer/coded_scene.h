@@ -13,16 +13,16 @@ struct CodedLayer {
   unsigned level = 0;
   bool permanent = false;
   bool flat = false;    // of Gaussians with flat windows
-  bool escape = false;  // members are stored as they are
+  bool escape = false;  // Gaussians are stored as they are
   unsigned tier = 0;
   unsigned directory_bits = 0;
   MeanTimeCoding mean_times;
   ScalarCoding scale_factor;
-  float log_scale_t = 0;           // of all members, where the layer is permanent
-  std::vector<uint32_t> members;   // [m] scene indices, ordered by bucket
-  std::vector<uint32_t> bucket;    // [m]
-  std::vector<BlockRange> blocks;  // runs of members; empty where the layer has no RCQ
-  std::vector<uint16_t> factor;    // [m] SQ codes
+  float log_scale_t = 0;            // of all Gaussians, where the layer is permanent
+  std::vector<uint32_t> gaussians;  // [m] scene indices, ordered by bucket
+  std::vector<uint32_t> bucket;     // [m]
+  std::vector<BlockRange> blocks;   // runs of Gaussians; empty where the layer has no RCQ
+  std::vector<uint16_t> factor;     // [m] SQ codes
   std::array<CodedComponent, L4D_COMPONENT_COUNT> component;  // SH: its codes alone, added last
   std::vector<uint16_t> mean_t;       // [m] binary16, or codes of fixed ones
   std::vector<uint16_t> mean_t_fine;  // [m] refinements of fixed ones

@@ -26,13 +26,13 @@ constexpr double kBucketsPerDirectoryPage = 128;
 // Fewer Gaussians than this do not earn a codebook of their own.
 constexpr size_t kMinBlockGaussians = 8192;
 constexpr size_t kMaxBlocksPerDirectoryPage = 256;
-// Members in the order of their buckets, of a layer whose level is known.
-void place_in_buckets(const EncoderScene& scene, const std::vector<uint32_t>& members,
+// Gaussians in the order of their buckets, of a layer whose level is known.
+void place_in_buckets(const EncoderScene& scene, const std::vector<uint32_t>& gaussians,
                       CodedLayer* layer) {
   const unsigned level = layer->level;
   std::vector<std::pair<uint32_t, uint32_t>> order;
-  order.reserve(members.size());
-  for (const uint32_t i : members) {
+  order.reserve(gaussians.size());
+  for (const uint32_t i : gaussians) {
     const uint32_t bucket =
         layer->flat ? bucket_of_window(scene.window[i], level, scene.timeline.num_frames)
                     : bucket_of_time(scene.timeline, scene.mean_t[i], level);
@@ -43,7 +43,7 @@ void place_in_buckets(const EncoderScene& scene, const std::vector<uint32_t>& me
   for (size_t j = 0; j < order.size(); ++j) {
     used += j == 0 || order[j].first != order[j - 1].first;
     layer->bucket.push_back(order[j].first);
-    layer->members.push_back(order[j].second);
+    layer->gaussians.push_back(order[j].second);
   }
   const double buckets = num_buckets(level);
   const double span =
@@ -59,13 +59,13 @@ unsigned bits_of(uint32_t largest) {
   return bits;
 }
 
-// The shortest codes that hold the windows of all members, whose buckets are known.
+// The shortest codes that hold the windows of all Gaussians, whose buckets are known.
 void choose_window_codes(const EncoderScene& scene, CodedLayer* layer) {
   MeanTimeCoding& coding = layer->mean_times;
   coding.mean_t = CoordinateCodingId::kWindow;
   uint32_t largest_begin = 0, least = L4D_MAX_FRAMES, longest = 0;
-  for (size_t j = 0; j < layer->members.size(); ++j) {
-    const FrameWindow window = scene.window[layer->members[j]];
+  for (size_t j = 0; j < layer->gaussians.size(); ++j) {
+    const FrameWindow window = scene.window[layer->gaussians[j]];
     const uint32_t base = window_base(layer->bucket[j], layer->level, scene.timeline.num_frames);
     largest_begin = std::max(largest_begin, window.begin - base);
     least = std::min(least, window.end - window.begin);
@@ -91,7 +91,7 @@ class LayerCoder {
     out_.permanent = plan_.permanent;
     out_.flat = plan_.flat;
     out_.tier = plan_.tier;
-    place_in_buckets(scene_, plan_.members, &out_);
+    place_in_buckets(scene_, plan_.gaussians, &out_);
     code_mean_times();
     if (lossless_) {
       describe_lossless();
@@ -111,7 +111,7 @@ class LayerCoder {
   }
 
  private:
-  size_t count() const { return out_.members.size(); }
+  size_t count() const { return out_.gaussians.size(); }
   const l4d_timeline& timeline() const { return scene_.timeline; }
 
   // Runs of whole buckets within one directory page, each large enough to earn a codebook.
@@ -152,7 +152,7 @@ class LayerCoder {
     } else {
       std::vector<MeanTimeTarget> targets(n);
       for (size_t j = 0; j < n; ++j) {
-        targets[j] = mean_target(j, scene_.mean_t[out_.members[j]], 1);
+        targets[j] = mean_target(j, scene_.mean_t[out_.gaussians[j]], 1);
       }
       choose_mean_times(targets, plan_.far || settings_.codes_half_mean_times(),
                         settings_.get_int(L4D_ENC_MEAN_T_SHIFT),
@@ -162,7 +162,7 @@ class LayerCoder {
     out_.mean_t.resize(out_.mean_times.has_mean_codes() ? n : 0);
     out_.mean_t_fine.resize(out_.mean_times.mean_t_fine ? n : 0);
     for (size_t j = 0; j < n; ++j) {
-      const double mean = scene_.mean_t[out_.members[j]];
+      const double mean = scene_.mean_t[out_.gaussians[j]];
       if (plan_.permanent) {
         out_.decoded_mean_t[j] = bucket_center(timeline(), plan_.level, out_.bucket[j]);
       } else if (lossless_ || plan_.flat) {
@@ -194,7 +194,7 @@ class LayerCoder {
       for (size_t j = begin; j < end; ++j) {
         const SeenGaussian seen = place(j);
         if (!bounded) continue;
-        const SeenGaussian original = scene_.seen(out_.members[j]);
+        const SeenGaussian original = scene_.seen(out_.gaussians[j]);
         if (excess(j, original, seen) > 1) repair(j, original);
       }
     });
@@ -202,7 +202,7 @@ class LayerCoder {
 
   // The decoder's float arithmetic, then the slice in double.
   SeenGaussian place(size_t j) {
-    const size_t i = out_.members[j];
+    const size_t i = out_.gaussians[j];
     float rotor[8], log_scale[4];
     decoded_gaussian(j, rotor, log_scale);
     SeenGaussian seen{};
@@ -225,13 +225,13 @@ class LayerCoder {
   }
 
   double excess(size_t j, const SeenGaussian& original, const SeenGaussian& decoded) const {
-    const Sequence shown = scene_.shown(out_.members[j]);
+    const Sequence shown = scene_.shown(out_.gaussians[j]);
     return excess_of(errors_of(original, decoded, shown.begin, shown.end, options_.bounds,
                                options_.bounds.opacity),
                      options_.bounds);
   }
 
-  // Codes member j more finely until it keeps to the bounds: each time the component that helps
+  // Codes Gaussian j more finely until it keeps to the bounds: each time the component that helps
   // most. What no code can do is left to an escape.
   void repair(size_t j, const SeenGaussian& original) {
     ShapeRefiner refiner(scene_, &out_);
@@ -276,7 +276,7 @@ class LayerCoder {
   }
 
   void decoded_gaussian(size_t j, float* rotor, float* log_scale) const {
-    const size_t i = out_.members[j];
+    const size_t i = out_.gaussians[j];
     if (lossless_) {
       std::copy_n(scene_.rotor.data() + 8 * i, 8, rotor);
       std::copy_n(scene_.log_scale.data() + 4 * i, 4, log_scale);
@@ -291,12 +291,12 @@ class LayerCoder {
     std::vector<uint8_t> keep(n, 1);
     for (size_t j = 0; j < n; ++j) {
       if (escape_[j] != 0 && escapes != nullptr) {
-        escapes->push_back(out_.members[j]);
+        escapes->push_back(out_.gaussians[j]);
         keep[j] = 0;
       } else if (plan_.level != 0 && !plan_.flat &&
                  !fits_layer(out_.decoded_mean_t[j], 1 / std::sqrt(out_.decoded_lambda[j]),
                              out_.bucket[j], plan_.level, timeline())) {
-        demoted->push_back(out_.members[j]);
+        demoted->push_back(out_.gaussians[j]);
         keep[j] = 0;
       }
     }
@@ -305,7 +305,7 @@ class LayerCoder {
     std::vector<size_t> before(n + 1, 0);  // kept Gaussians before j
     for (size_t j = 0; j < n; ++j) before[j + 1] = before[j] + keep[j];
     for (BlockRange& b : out_.blocks) b = {before[b.begin], before[b.end]};
-    keep_rows(keep, 1, &out_.members);
+    keep_rows(keep, 1, &out_.gaussians);
     keep_rows(keep, 1, &out_.bucket);
     keep_rows(keep, 1, &out_.factor);
     keep_rows(keep, 1, &out_.mean_t);
@@ -322,7 +322,7 @@ class LayerCoder {
   }
 
   void close_loop(size_t j) {
-    const size_t i = out_.members[j];
+    const size_t i = out_.gaussians[j];
     const double begin = scene_.shown(i).begin;
     const double end = scene_.shown(i).end;
     // What is permanent or has a window does not fade, to a decoder.
@@ -362,9 +362,9 @@ class LayerCoder {
     std::copy_n(decoded_moving.position, 3, out_.position.data() + 3 * j);
   }
 
-  // A mean time of member j, and `share` of what it may be off.
+  // A mean time of Gaussian j, and `share` of what it may be off.
   MeanTimeTarget mean_target(size_t j, double mean, double share) const {
-    const size_t i = out_.members[j];
+    const size_t i = out_.gaussians[j];
     return {mean - bucket_center(timeline(), plan_.level, out_.bucket[j]),
             share * quality_.mean_t_error() * scene_.sigma_t(i)};
   }
@@ -401,15 +401,15 @@ CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan, const Co
 constexpr double kMaxRoundedMean = 0.001;
 
 CodedLayer code_escapes(const EncoderScene& scene, unsigned level, bool flat,
-                        const std::vector<uint32_t>& members) {
+                        const std::vector<uint32_t>& gaussians) {
   CodedLayer out;
   out.level = level;
   out.flat = flat;
-  place_in_buckets(scene, members, &out);
+  place_in_buckets(scene, gaussians, &out);
   out.escape = true;
   // Seconds since 1970 in binary32 are off by a minute.
   const bool doubles =
-      flat || std::any_of(members.begin(), members.end(), [&](uint32_t i) {
+      flat || std::any_of(gaussians.begin(), gaussians.end(), [&](uint32_t i) {
         const SeenGaussian seen = scene.seen(i);
         const double off = seen.mean - static_cast<double>(static_cast<float>(seen.mean));
         // What moves fast is elsewhere a thousandth of its life later.
@@ -423,7 +423,7 @@ CodedLayer code_escapes(const EncoderScene& scene, unsigned level, bool flat,
   for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
     out.component[c].coding = ComponentCodingId::kRaw32;
   }
-  for (const uint32_t i : out.members) {
+  for (const uint32_t i : out.gaussians) {
     const SeenGaussian seen = scene.seen(i);
     // binary32, as they are stored.
     out.decoded_mean_t.push_back(doubles ? seen.mean

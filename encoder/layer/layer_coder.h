@@ -12,15 +12,15 @@
 
 namespace l4d {
 
-// Codes the members of a plan. Those whose decoded form no longer fits the layer are left out and
+// Codes the Gaussians of a plan. Those whose decoded form no longer fits the layer are left out and
 // returned in `demoted` (ascending) for the next coarser layer. Those that no code brings within
 // options.bounds are left out too and added to `escapes`, unless that is null.
 CodedLayer code_layer(const EncoderScene& scene, const LayerPlan& plan, const CoderOptions& options,
                       std::vector<uint32_t>* demoted, std::vector<uint32_t>* escapes);
 
-// A layer that holds its members, whose extents its level allows, as they are. (Of a
+// A layer that holds its Gaussians, whose extents its level allows, as they are. (Of a
 // coarser one, times from the middle of its buckets would be rounded more than brief ones bear.)
 CodedLayer code_escapes(const EncoderScene& scene, unsigned level, bool flat,
-                        const std::vector<uint32_t>& members);
+                        const std::vector<uint32_t>& gaussians);
 
 }  // namespace l4d

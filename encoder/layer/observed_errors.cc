@@ -54,7 +54,7 @@ float stated(double error) {
 DecodedGaussian decoded_gaussian(const EncoderScene& scene, const PositionCoding& positions,
                                  const ScalarCoding& opacity, const CodedLayer& layer, size_t j) {
   DecodedGaussian out;
-  const size_t i = layer.members[j];
+  const size_t i = layer.gaussians[j];
   if (layer.escape) {
     // Stored as given.
     const size_t from = scene.source[i];
@@ -78,10 +78,10 @@ GaussianErrors observed_errors(const EncoderScene& scene, const PositionCoding& 
   GaussianErrors worst;
   std::mutex mutex;
   for (const CodedLayer& layer : layers) {
-    parallel_for(threads, layer.members.size(), kGrain, [&](size_t first, size_t last) {
+    parallel_for(threads, layer.gaussians.size(), kGrain, [&](size_t first, size_t last) {
       GaussianErrors own;
       for (size_t j = first; j < last; ++j) {
-        const size_t i = layer.members[j];
+        const size_t i = layer.gaussians[j];
         const Sequence shown = scene.shown(i);
         take_worse(
             errors_of(scene.seen(i),

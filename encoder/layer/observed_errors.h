@@ -20,7 +20,7 @@ struct DecodedGaussian {
 DecodedGaussian decoded_gaussian(const EncoderScene& scene, const PositionCoding& positions,
                                  const ScalarCoding& opacity, const CodedLayer& layer, size_t j);
 
-// The largest errors of all members of the layers, with positions and opacities coded so.
+// The largest errors of all Gaussians of the layers, with positions and opacities coded so.
 // bounds: what sizes count; its slacks do not.
 GaussianErrors observed_errors(const EncoderScene& scene, const PositionCoding& positions,
                                const ScalarCoding& opacity, const std::vector<CodedLayer>& layers,

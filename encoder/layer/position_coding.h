@@ -18,7 +18,7 @@ PositionCoding planned_positions(const PositionPlan& plan);
 PositionCoding choose_positions(const PositionPlan& plan, const std::vector<CodedLayer>& layers,
                                 bool lossless);
 
-// What coordinate k of member j is decoded to.
+// What coordinate k of Gaussian j is decoded to.
 double coded_position(const PositionCoding& coding, const CodedLayer& layer, size_t j, size_t k);
 
 }  // namespace l4d

@@ -69,7 +69,7 @@ void decoded_rotor(const CodedComponent& spatial, const CodedComponent& temporal
 // Log scales without the decoded factor.
 void scale_row(const EncoderScene& scene, const CodedLayer& layer, size_t j, float factor,
                float* row) {
-  const size_t i = layer.members[j], dim = layer.scale_dim();
+  const size_t i = layer.gaussians[j], dim = layer.scale_dim();
   for (size_t k = 0; k < dim; ++k) row[k] = scene.log_scale[4 * i + k] - factor;
 }
 
@@ -122,7 +122,7 @@ class ShapeCoder {
   };
   using Rotors = std::array<CodedComponent, 2>;  // spatial, temporal
 
-  size_t count() const { return out_.members.size(); }
+  size_t count() const { return out_.gaussians.size(); }
   int coding_of(unsigned c) const { return settings_.get_int(L4D_ENC_CODING, static_cast<int>(c)); }
 
   bool in_codebooks_only() const {
@@ -166,7 +166,7 @@ class ShapeCoder {
     std::vector<float> factor(n, 0.0f);
     if (!transform) {
       for_all([&](size_t j) {
-        const float* s = scene_.log_scale.data() + 4 * size_t{out_.members[j]};
+        const float* s = scene_.log_scale.data() + 4 * size_t{out_.gaussians[j]};
         float sum = 0;
         for (size_t k = 0; k < dim; ++k) sum += s[k];
         factor[j] = sum / static_cast<float>(dim);
@@ -194,7 +194,7 @@ class ShapeCoder {
     Rows halves[2] = {make_rows(L4D_COMPONENT_ROTOR_SPATIAL, dim),
                       make_rows(L4D_COMPONENT_ROTOR_TEMPORAL, dim)};
     for_all([&](size_t j) {
-      const size_t i = out_.members[j];
+      const size_t i = out_.gaussians[j];
       float* const rows[2] = {halves[0].values.data() + j * dim, halves[1].values.data() + j * dim};
       if (stereographic) stereographic_rows(scene_, i, rows[0], rows[1]);
       for (unsigned half = 0; half < 2; ++half) {
@@ -225,8 +225,8 @@ class ShapeCoder {
     rows.weights.resize(n);
     rows.importance.resize(n);
     for_all([&](size_t j) {
-      rows.weights[j] = scene_.weight[c][out_.members[j]];
-      rows.importance[j] = scene_.importance[c][out_.members[j]];
+      rows.weights[j] = scene_.weight[c][out_.gaussians[j]];
+      rows.importance[j] = scene_.importance[c][out_.gaussians[j]];
     });
     return rows;
   }
@@ -234,7 +234,7 @@ class ShapeCoder {
     return std::any_of(rows.values.begin(), rows.values.end(), [](float v) { return v != 0; });
   }
 
-  // body(j) for all members, on several threads.
+  // body(j) for all Gaussians, on several threads.
   template <typename Body>
   void for_all(const Body& body) const {
     parallel_for(threads_, count(), kGrain, [&](size_t begin, size_t end) {
@@ -289,7 +289,7 @@ class ShapeCoder {
   int finer_octaves(double step, size_t dim) const {
     if (!(options_.bounds.position > 0)) return 0;
     double cost[kMostFinerOctaves + 1] = {};
-    for (const uint32_t i : out_.members) {
+    for (const uint32_t i : out_.gaussians) {
       const double wanted = std::log2(step / position_keeping_step(i));
       for (int o = 0; o <= kMostFinerOctaves; ++o) {
         cost[o] += static_cast<double>(dim) * std::max(0.0, o - std::max(wanted, 0.0));
@@ -320,7 +320,7 @@ class ShapeCoder {
     const size_t n = count(), dim = out_.scale_dim();
     double error = 0;
     for (size_t j = 0; j < n; ++j) {
-      const size_t i = out_.members[j];
+      const size_t i = out_.gaussians[j];
       const float factor = decoded_factor(scales.factor_coding, scales.factor, j);
       const double importance = static_cast<double>(scene_.importance[L4D_COMPONENT_SCALE][i]);
       for (size_t k = 0; k < dim; ++k) {
@@ -337,7 +337,7 @@ class ShapeCoder {
   double cost_of(const Rotors& rotors) const {
     double error[2] = {0, 0};
     for (size_t j = 0; j < count(); ++j) {
-      const size_t i = out_.members[j];
+      const size_t i = out_.gaussians[j];
       float decoded[8];
       decoded_rotor(rotors[0], rotors[1], j, decoded);
       for (size_t k = 0; k < 8; ++k) {
@@ -360,8 +360,8 @@ class ShapeCoder {
   }
 
   float largest_log_scale_t() const {
-    float largest = scene_.log_scale[4 * size_t{out_.members[0]} + 3];
-    for (const uint32_t i : out_.members) {
+    float largest = scene_.log_scale[4 * size_t{out_.gaussians[0]} + 3];
+    for (const uint32_t i : out_.gaussians) {
       largest = std::max(largest, scene_.log_scale[4 * size_t{i} + 3]);
     }
     return sound_constant(largest);
@@ -383,7 +383,7 @@ ShapeRefiner::ShapeRefiner(const EncoderScene& scene, CodedLayer* layer)
     : scene_(scene), layer_(*layer) {}
 
 void ShapeRefiner::make_row(size_t j, unsigned c, float* row) const {
-  const size_t i = layer_.members[j];
+  const size_t i = layer_.gaussians[j];
   if (c == L4D_COMPONENT_SCALE) {
     scale_row(scene_, layer_, j, decoded_factor(layer_.scale_factor, layer_.factor, j), row);
     return;

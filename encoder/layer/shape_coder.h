@@ -9,21 +9,21 @@
 
 namespace l4d {
 
-// Codes the scales and rotors of layer->members, whose buckets and blocks are there. Fills factor,
-// scale_factor, log_scale_t and component.
+// Codes the scales and rotors of layer->gaussians, whose buckets and blocks are there. Fills
+// factor, scale_factor, log_scale_t and component.
 void code_shapes(const EncoderScene& scene, const CoderOptions& options, const Quality& quality,
                  CodedLayer* layer);
 
 // Member j as a decoder will have it: rotor [8], log_scale [4].
 void decoded_shape(const CodedLayer& layer, size_t j, float* rotor, float* log_scale);
 
-// Codes components of single members more finely than the quality asks for: transforms in a finer
-// step exponent, codebooks as an escape. Distinct members may be worked on at the same time.
+// Codes components of single Gaussians more finely than the quality asks for: transforms in a finer
+// step exponent, codebooks as an escape. Distinct Gaussians may be worked on at the same time.
 class ShapeRefiner {
  public:
   ShapeRefiner(const EncoderScene& scene, CodedLayer* layer);
 
-  // Whether component c (not SH) of member j could be coded a step finer, and now is.
+  // Whether component c (not SH) of Gaussian j could be coded a step finer, and now is.
   bool refine(size_t j, unsigned c);
 
   struct State {

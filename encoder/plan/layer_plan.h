@@ -13,7 +13,7 @@ struct LayerPlan {
   bool far = false;   // level 0: mean times far outside the sequence
   bool flat = false;  // of Gaussians with flat windows
   unsigned tier = 0;
-  std::vector<uint32_t> members;  // indices in the scene, ascending
+  std::vector<uint32_t> gaussians;  // indices in the scene, ascending
 };
 
 }  // namespace l4d

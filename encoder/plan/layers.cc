@@ -37,11 +37,11 @@ constexpr double kLosslessError = 0.001;
 constexpr double kFar = 64;
 
 void merge(LayerPlan& from, LayerPlan& to) {
-  std::vector<uint32_t> all(from.members.size() + to.members.size());
-  std::merge(from.members.begin(), from.members.end(), to.members.begin(), to.members.end(),
+  std::vector<uint32_t> all(from.gaussians.size() + to.gaussians.size());
+  std::merge(from.gaussians.begin(), from.gaussians.end(), to.gaussians.begin(), to.gaussians.end(),
              all.begin());
-  to.members = std::move(all);
-  from.members.clear();
+  to.gaussians = std::move(all);
+  from.gaussians.clear();
 }
 
 // Takes what is far from level 0, where codes that reach it are too coarse for short-lived ones.
@@ -50,17 +50,17 @@ LayerPlan take_far(const EncoderScene& s, double error, LayerPlan* level0) {
   LayerPlan far;
   far.far = true;
   double reach = 0, tolerance = HUGE_VAL;
-  for (const uint32_t i : level0->members) {
+  for (const uint32_t i : level0->gaussians) {
     reach = std::max(reach, std::fabs(s.mean_t[i] - center));
     tolerance = std::min(tolerance, error * s.sigma_t(i));
   }
   if (fixed_mean_times_fit(reach, tolerance)) return far;
   std::vector<uint32_t> near;
-  for (const uint32_t i : level0->members) {
+  for (const uint32_t i : level0->gaussians) {
     const bool is_far = std::fabs(s.mean_t[i] - center) > kFar * s.duration;
-    (is_far ? far.members : near).push_back(i);
+    (is_far ? far.gaussians : near).push_back(i);
   }
-  level0->members = std::move(near);
+  level0->gaussians = std::move(near);
   return far;
 }
 
@@ -76,12 +76,12 @@ std::vector<LayerPlan> plan_layers(const EncoderScene& s, const EncoderSettings&
   for (uint32_t i = 0; i < s.count; ++i) {
     if (s.is_flat(i)) {
       const uint32_t level = layer_of_window(s.window[i], s.timeline.num_frames, levels);
-      flat[level].members.push_back(i);
+      flat[level].gaussians.push_back(i);
     } else if (!lossless && is_permanent(s, i)) {
-      permanent.members.push_back(i);
+      permanent.gaussians.push_back(i);
     } else {
       const double tau = 8 * s.sigma_t(i) * kExtentGuard;
-      layers[layer_of_extent(tau, s.duration, levels)].members.push_back(i);
+      layers[layer_of_extent(tau, s.duration, levels)].gaussians.push_back(i);
     }
   }
   for (uint32_t l = 0; l < levels; ++l) {
@@ -95,33 +95,35 @@ std::vector<LayerPlan> plan_layers(const EncoderScene& s, const EncoderSettings&
   const bool f16 = !lossless && settings.codes_half_mean_times();
   const auto stays_exact = [&](const LayerPlan& from) {
     const double width = bucket_width(s.timeline, from.level - 1);
-    return std::all_of(from.members.begin(), from.members.end(), [&](uint32_t i) {
+    return std::all_of(from.gaussians.begin(), from.gaussians.end(), [&](uint32_t i) {
       return mean_time_fits(f16, width, error * s.sigma_t(i));
     });
   };
   // Only towards coarser levels: that keeps the bound on neighbours.
-  for (uint32_t l = levels - 1; l > 0 && static_cast<double>(layers[l].members.size()) < least;
+  for (uint32_t l = levels - 1; l > 0 && static_cast<double>(layers[l].gaussians.size()) < least;
        --l) {
     if (stays_exact(layers[l])) merge(layers[l], layers[l - 1]);
   }
   // Windows are exact in all layers, and what fits a bucket fits the one around it.
-  for (uint32_t l = levels - 1; l > 0 && static_cast<double>(flat[l].members.size()) < least; --l) {
+  for (uint32_t l = levels - 1; l > 0 && static_cast<double>(flat[l].gaussians.size()) < least;
+       --l) {
     merge(flat[l], flat[l - 1]);
   }
   // Two kinds of layer cost two sets of codebooks.
-  if (static_cast<double>(permanent.members.size()) < least && permanent.members.size() < s.count) {
+  if (static_cast<double>(permanent.gaussians.size()) < least &&
+      permanent.gaussians.size() < s.count) {
     merge(permanent, layers[0]);
   }
   // In level 0 the format has room for four layers, and for two that are stored as they are.
   const LayerPlan far =
       lossless || f16 || levels == 1 ? LayerPlan() : take_far(s, error, &layers[0]);
   std::vector<LayerPlan> used;
-  if (!permanent.members.empty()) used.push_back(std::move(permanent));
-  if (!far.members.empty()) used.push_back(far);
+  if (!permanent.gaussians.empty()) used.push_back(std::move(permanent));
+  if (!far.gaussians.empty()) used.push_back(far);
   for (LayerPlan& l : layers) {
     const unsigned level = l.level;
-    if (level == 0 || !l.members.empty()) used.push_back(std::move(l));
-    if (!flat[level].members.empty()) used.push_back(std::move(flat[level]));
+    if (level == 0 || !l.gaussians.empty()) used.push_back(std::move(l));
+    if (!flat[level].gaussians.empty()) used.push_back(std::move(flat[level]));
   }
   if (!settings.tiers().empty()) return cut_into_tiers(s, settings, least, std::move(used));
   return used;

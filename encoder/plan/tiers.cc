@@ -16,7 +16,7 @@ std::vector<uint8_t> tiers_of(const EncoderScene& scene, const std::vector<doubl
                               const std::vector<LayerPlan>& plans) {
   std::vector<uint32_t> order;
   for (const LayerPlan& plan : plans) {
-    if (plan.level == 0) order.insert(order.end(), plan.members.begin(), plan.members.end());
+    if (plan.level == 0) order.insert(order.end(), plan.gaussians.begin(), plan.gaussians.end());
   }
   std::sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
     const float x = scene.light[a], y = scene.light[b];
@@ -37,19 +37,19 @@ std::vector<LayerPlan> cut(const LayerPlan& plan, const std::vector<uint8_t>& ti
   std::vector<LayerPlan> parts(num_tiers, plan);
   for (size_t tier = 0; tier < num_tiers; ++tier) {
     parts[tier].tier = static_cast<unsigned>(tier);
-    parts[tier].members.clear();
+    parts[tier].gaussians.clear();
   }
   // Few of a tier are shown with the tier before.
   std::vector<size_t> counts(num_tiers);
-  for (const uint32_t i : plan.members) ++counts[tiers[i]];
+  for (const uint32_t i : plan.gaussians) ++counts[tiers[i]];
   std::vector<size_t> part_of(num_tiers);
   for (size_t tier = 1; tier < num_tiers; ++tier) {
     part_of[tier] = static_cast<double>(counts[tier]) < least ? part_of[tier - 1] : tier;
   }
-  for (const uint32_t i : plan.members) parts[part_of[tiers[i]]].members.push_back(i);
+  for (const uint32_t i : plan.gaussians) parts[part_of[tiers[i]]].gaussians.push_back(i);
   // The first takes what moves to it from finer levels.
   parts.erase(std::remove_if(parts.begin() + 1, parts.end(),
-                             [](const LayerPlan& p) { return p.members.empty(); }),
+                             [](const LayerPlan& p) { return p.gaussians.empty(); }),
               parts.end());
   return parts;
 }

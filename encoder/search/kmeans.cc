@@ -61,7 +61,7 @@ CellMeans cell_means(const Points& p, const std::vector<uint32_t>& labels, size_
       std::fill(sum.begin(), sum.end(), 0.0);
       double weight = 0;
       for (size_t m = cells.start[c]; m < cells.start[c + 1]; ++m) {
-        const size_t i = cells.member[m];
+        const size_t i = cells.index[m];
         const double w = static_cast<double>(p.weights[i]);
         const float* row = p.rows + i * p.dim;
         for (size_t j = 0; j < p.dim; ++j) sum[j] += w * static_cast<double>(row[j]);
@@ -72,7 +72,7 @@ CellMeans cell_means(const Points& p, const std::vector<uint32_t>& labels, size_
       for (size_t j = 0; j < p.dim; ++j) mean[j] = static_cast<float>(sum[j] / weight);
       double distortion = 0;
       for (size_t m = cells.start[c]; m < cells.start[c + 1]; ++m) {
-        const size_t i = cells.member[m];
+        const size_t i = cells.index[m];
         double squares = 0;
         for (size_t j = 0; j < p.dim; ++j) {
           const double e =

@@ -43,8 +43,8 @@ void expect_sound(const Planned& p) {
     EXPECT_GE(l.level, level);
     level = l.level;
     EXPECT_TRUE(!l.permanent || (k == 0 && l.level == 0));
-    EXPECT_TRUE(std::is_sorted(l.members.begin(), l.members.end()));
-    for (const uint32_t i : l.members) {
+    EXPECT_TRUE(std::is_sorted(l.gaussians.begin(), l.gaussians.end()));
+    for (const uint32_t i : l.gaussians) {
       ++seen[i];
       if (l.permanent) continue;
       const uint32_t bucket = bucket_of_time(p.scene.timeline, p.scene.mean_t[i], l.level);
@@ -66,7 +66,7 @@ TEST(Layering, FinestLayerThatHoldsTheExtent) {
   const uint32_t levels = num_layers(p.scene.timeline.num_frames);
   for (const LayerPlan& l : p.plans) {
     EXPECT_LT(l.level, levels);
-    for (const uint32_t i : l.members) {
+    for (const uint32_t i : l.gaussians) {
       if (l.permanent) continue;
       const double tau = 8 * p.scene.sigma_t(i);
       if (l.level > 0) {
@@ -83,8 +83,8 @@ TEST(Layering, FinestLayerThatHoldsTheExtent) {
 TEST(Layering, PermanentGaussiansNeitherMoveNorFade) {
   const Planned p = plan(make_scene({}), 0, 0);
   ASSERT_TRUE(p.plans[0].permanent);
-  EXPECT_NEAR(static_cast<double>(p.plans[0].members.size()), 600, 60);  // 30 % of 2000
-  for (const uint32_t i : p.plans[0].members) {
+  EXPECT_NEAR(static_cast<double>(p.plans[0].gaussians.size()), 600, 60);  // 30 % of 2000
+  for (const uint32_t i : p.plans[0].gaussians) {
     for (const double t : {0.0, p.scene.duration}) {
       const double dt = t - p.scene.mean_t[i];
       EXPECT_LE(0.5 * p.scene.lambda[i] * dt * dt, 1e-3);
@@ -108,7 +108,7 @@ TEST(Layering, ThinFineLayersMergeTowardsCoarserOnes) {
   const Planned apart = plan(scene, 0, 0);
   std::vector<unsigned> level(scene.count());
   for (const LayerPlan& l : apart.plans) {
-    for (const uint32_t i : l.members) level[i] = l.level;
+    for (const uint32_t i : l.gaussians) level[i] = l.level;
   }
   for (const auto& [fraction, count] :
        {std::pair<double, double>{0.2, 0}, {0, 400}, {0, 1e9}, {1, 0}}) {
@@ -116,14 +116,14 @@ TEST(Layering, ThinFineLayersMergeTowardsCoarserOnes) {
     expect_sound(p);
     const double least = std::max(fraction * static_cast<double>(scene.count()), count);
     const LayerPlan& finest = p.plans.back();
-    EXPECT_TRUE(finest.level == 0 || static_cast<double>(finest.members.size()) >= least);
+    EXPECT_TRUE(finest.level == 0 || static_cast<double>(finest.gaussians.size()) >= least);
     for (const LayerPlan& l : p.plans) {
-      for (const uint32_t i : l.members) EXPECT_LE(l.level, level[i]);
+      for (const uint32_t i : l.gaussians) EXPECT_LE(l.level, level[i]);
     }
   }
   const Planned one = plan(scene, 0, 1e9);
   ASSERT_EQ(one.plans.size(), 1u);
-  EXPECT_EQ(one.plans[0].members.size(), scene.count());
+  EXPECT_EQ(one.plans[0].gaussians.size(), scene.count());
 }
 
 TEST(Layering, AllPermanentStaysPermanent) {
@@ -133,7 +133,7 @@ TEST(Layering, AllPermanentStaysPermanent) {
   expect_sound(p);
   ASSERT_EQ(p.plans.size(), 2u);
   EXPECT_TRUE(p.plans[0].permanent);
-  EXPECT_TRUE(p.plans[1].members.empty());
+  EXPECT_TRUE(p.plans[1].gaussians.empty());
 }
 
 TEST(Layering, SequencesOfOneFrame) {

@@ -78,7 +78,7 @@ struct Written {
     for (uint32_t i = 0; i < all.size(); ++i) all[i] = i;
     coded.layers.push_back(code_escapes(scene, 0, false, all));
     CodedLayer& layer = coded.layers[0];
-    layer.component[L4D_COMPONENT_SH] = codes_of(coded.sh, layer.members, 1);
+    layer.component[L4D_COMPONENT_SH] = codes_of(coded.sh, layer.gaussians, 1);
     GaussianErrors worst;
     const ColorErrors colors = largest_color_errors(scene, coded.sh, 1);
     header = choose_header({in, scene, {}, plan, options.bounds, colors, false, 1}, coded, &worst);
