@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Finds phrases in documents, public headers and comments of sources that CONTRIBUTING.md ("Prose")
-replaces.
+replaces, and names in sources whose words mean something else.
 
     prose.py              prints each place; exit status 1 if there is one
-    prose.py --self-test  shows that each phrase is found, and plain sentences are not
+    prose.py --self-test  shows that each phrase and name is found, and plain sentences are not
 
 Generated tables, code and quoted phrases do not count. A style is more than a list of phrases: this
 keeps out those that readers misunderstood most.
@@ -27,6 +27,14 @@ PHRASES = {
     r"no kin of|what is left of (it|them|these)": ("unrelated, residual", "It is no kin of those."),
 }
 PATTERN = re.compile("|".join(f"({p})" for p in PHRASES), re.IGNORECASE)
+
+# Word -> what it means in every name, and names that used it for something else.
+NAMES = {
+    "part": ("none: pages have chunks", ("SessionPart",)),
+    "row": ("of pixels, a matrix, a table or a PLY", ("SessionPool::Row",)),
+    "window": ("the frames in which a Gaussian is visible", ("ReaderWindow", "WindowStage")),
+}
+NAME = re.compile("|".join(rf"\b{name}\b" for _, names in NAMES.values() for name in names))
 
 
 def documents():
@@ -76,7 +84,14 @@ def places(text):
     return [(prose.count("\n", 0, m.start()) + 1, m.group(0)) for m in PATTERN.finditer(flat)]
 
 
+def names(text):
+    return [(text.count("\n", 0, m.start()) + 1, m.group(0)) for m in NAME.finditer(text)]
+
+
 def self_test():
+    for name in (name for _, group in NAMES.values() for name in group):
+        assert names(f"int a;\n{name} b;\n") == [(2, name)], name
+        assert not names(f"My{name} b;"), name
     for phrase, (_, sentence) in PHRASES.items():
         expected = re.search(phrase, sentence, re.IGNORECASE).group(0)
         assert places("Plain.\n" + sentence) == [(2, expected)], phrase
@@ -94,9 +109,12 @@ def main():
         self_test()
         return 0
     texts = [(p, p.read_text(encoding="utf-8")) for p in documents()]
-    texts += [(p, comments_of(p.read_text(encoding="utf-8"))) for p in sources()]
+    code = [(p, p.read_text(encoding="utf-8")) for p in sources()]
+    texts += [(p, comments_of(text)) for p, text in code]
     found = [f"{path.relative_to(ROOT)}:{line}: {phrase!r}: see CONTRIBUTING.md, Prose"
              for path, text in texts for line, phrase in places(text)]
+    found += [f"{path.relative_to(ROOT)}:{line}: {name}: see NAMES in tests/source/prose.py"
+              for path, text in code for line, name in names(text)]
     print(*found, sep="\n", end="\n" if found else "")
     return 1 if found else 0
 
