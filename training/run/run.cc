@@ -78,7 +78,7 @@ class Run {
     open_folder();
     const l4d_camera& camera = loader_->camera(0);
     settings_ = resolved(options_.settings, capture_, camera.width, camera.height);
-    settings_.host_memory = image_memory_;
+    settings_.host_memory = shares_.images;
     settings_.preset = options_.preset;
     settings_.capture = absolute_path(settings_.capture);
     settings_.capture_hash = hash_of(capture_);
@@ -86,7 +86,7 @@ class Run {
     if (fs::is_regular_file(settings_.init, error)) settings_.init = absolute_path(settings_.init);
     times_.begin(kImages);
     backend_ = settings_.backend == "cuda" ? make_cuda_group(devices_of(settings_.devices))
-                                           : make_cpu_backend(options_.threads, renderer_memory_);
+                                           : make_cpu_backend(options_.threads, shares_.renderer);
     plan_memory();
     read_images();
     trainer_ = std::make_unique<Trainer>(settings_, capture_, *loader_, instants_, store_.get(),
@@ -121,31 +121,11 @@ class Run {
     lpips_ = read_lpips(options_.lpips, budget_.holder());
   }
 
-  // Before anything large is allocated. A run that goes on keeps its images, which decide its bits.
+  // Before anything large is allocated.
   void fit_memory() {
-    // The network is counted with the scores.
-    network_memory_.reset();
-    const uint64_t limit = options_.limit_memory;
-    const l4d_camera camera =
-        scaled_camera(capture_.cameras[0].source.camera, options_.settings.scale);
-    const Settings planned = resolved(options_.settings, capture_, camera.width, camera.height);
-    MemoryNeed need = memory_need(planned, capture_, options_.threads, lpips_.get(), lpips_bytes_);
-    need.capture = budget_.held();
-    if (!options_.cache.empty()) need.reading += cache_need(planned, capture_, options_.threads);
-    const bool may_shrink = options_.may_shrink_images && !options_.resume;
-    image_memory_ = planned.host_memory;
-    const uint64_t images = images_within(limit, need, may_shrink);
-    if (images < need.images) image_memory_ = images;
-    need.images = images;
-    if (limit > 0) fit_rest(limit, need, planned.views);
-  }
-
-  // Half of what is left is for renderers, which keep to it, and half for image files on their way,
-  // which may have more bytes than their pixels need.
-  void fit_rest(uint64_t limit, const MemoryNeed& need, uint32_t views) {
-    const uint64_t spare = (limit - need.total()) / 2;
-    renderer_memory_ = (need.rendering + spare) / views;
-    training_memory_ = budget_.take(limit - need.capture - need.decoding - spare, "the training");
+    network_memory_.reset();  // it is counted with the scores
+    shares_ = share_memory(options_, capture_, lpips_.get(), lpips_bytes_, budget_.held());
+    if (shares_.training > 0) training_memory_ = budget_.take(shares_.training, "the training");
   }
 
   // Images that were small before they are scaled are as the user has them.
@@ -476,17 +456,7 @@ class Run {
     throw Error(error.status(), std::string(error.what()) + "; " + where_it_goes_on());
   }
 
-  MemoryUse memory_use() const {
-    MemoryUse use;
-    use.backend = backend_->memory();
-    use.images = store_->bytes();
-    use.resident = backend_->count();
-    if (!residence_) return use;
-    use.bucket_memory = residence_->buckets().memory_bytes();
-    use.bucket_files = residence_->buckets().file_bytes();
-    use.away = residence_->buckets().rows();
-    return use;
-  }
+  MemoryUse memory_use() const { return train::memory_use(*backend_, *store_, residence_.get()); }
 
   // False where the training went back to a checkpoint.
   bool step() {
@@ -666,7 +636,8 @@ class Run {
   std::unique_ptr<EventFile> events_;
   CheckpointWriter writer_{folder_};
   Clock::time_point last_checkpoint_, last_preview_;
-  uint64_t lpips_bytes_ = 0, image_memory_ = 0, renderer_memory_ = 0;
+  uint64_t lpips_bytes_ = 0;
+  MemoryShares shares_;
   int milestone_ = 0;                     // tenths of the training that have been scored
   std::array<double, kStages> stages_{};  // ms of `timed_steps_` steps
   uint64_t timed_steps_ = 0;

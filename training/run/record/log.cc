@@ -130,6 +130,18 @@ void MemoryUse::raise_to(const MemoryUse& other) {
   raise(&away, other.away);
 }
 
+MemoryUse memory_use(const Backend& backend, const ImageStore& images, const Residence* residence) {
+  MemoryUse use;
+  use.backend = backend.memory();
+  use.images = images.bytes();
+  use.resident = backend.count();
+  if (residence == nullptr) return use;
+  use.bucket_memory = residence->buckets().memory_bytes();
+  use.bucket_files = residence->buckets().file_bytes();
+  use.away = residence->buckets().rows();
+  return use;
+}
+
 std::string json_of(const LogEntry& e) {
   Json j = {{"step", e.step},
             {"seconds", number(e.seconds)},

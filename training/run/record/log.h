@@ -20,6 +20,8 @@ struct MemoryUse {
   uint64_t resident = 0, away = 0;               // Gaussians
   void raise_to(const MemoryUse& other);
 };
+// Of now. residence: null where the whole model is in the back end.
+MemoryUse memory_use(const Backend& backend, const ImageStore& images, const Residence* residence);
 
 // Calls f(name, number) for each, as files name them.
 template <typename Use, typename F>

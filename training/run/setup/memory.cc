@@ -110,4 +110,25 @@ uint64_t images_within(uint64_t limit, const MemoryNeed& need, bool may_shrink) 
                       ", the capture " + in_words(need.capture));
 }
 
+MemoryShares share_memory(const RunOptions& options, const Capture& capture,
+                          const eval::Lpips* lpips, uint64_t lpips_bytes, uint64_t held) {
+  const uint64_t limit = options.limit_memory;
+  const l4d_camera camera = scaled_camera(capture.cameras[0].source.camera, options.settings.scale);
+  const Settings planned = resolved(options.settings, capture, camera.width, camera.height);
+  MemoryNeed need = memory_need(planned, capture, options.threads, lpips, lpips_bytes);
+  need.capture = held;
+  if (!options.cache.empty()) need.reading += cache_need(planned, capture, options.threads);
+  const uint64_t images = images_within(limit, need, options.may_shrink_images && !options.resume);
+  MemoryShares shares;
+  shares.images = images < need.images ? images : planned.host_memory;
+  if (limit == 0) return shares;
+  need.images = images;
+  // Half of what is left is for renderers, which keep to it, and half for image files on their way,
+  // which may have more bytes than their pixels need.
+  const uint64_t spare = (limit - need.total()) / 2;
+  shares.renderer = (need.rendering + spare) / planned.views;
+  shares.training = limit - need.capture - need.decoding - spare;
+  return shares;
+}
+
 }  // namespace l4d::train

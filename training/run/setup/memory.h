@@ -5,6 +5,7 @@
 
 #include "eval/lpips.h"
 #include "training/capture/capture.h"
+#include "training/run/setup/run_options.h"
 #include "training/run/setup/settings.h"
 
 // What a training holds in memory, worked out before it allocates any of it.
@@ -29,6 +30,19 @@ MemoryNeed memory_need(const Settings& settings, const Capture& capture, uint32_
 
 // The bytes that reading through a cache of frames takes besides.
 uint64_t cache_need(const Settings& settings, const Capture& capture, uint32_t threads);
+
+// Bytes that the parts of a run get.
+struct MemoryShares {
+  uint64_t images = 0;    // for training, at most
+  uint64_t renderer = 0;  // of each view of a step, at most; 0 = no limit
+  uint64_t training = 0;  // what RunOptions::limit_memory has for it in all; 0 = no limit
+};
+
+// What options.limit_memory leaves to each part; a run that goes on keeps its images, which decide
+// its bits. lpips: may be null; lpips_bytes: of its file. held: what reading the capture has taken.
+// Throws as images_within() does.
+MemoryShares share_memory(const RunOptions& options, const Capture& capture,
+                          const eval::Lpips* lpips, uint64_t lpips_bytes, uint64_t held);
 
 // The bytes of images with which the need is within the limit: need.images, or fewer if
 // `may_shrink`. Throws io::Error(LIMIT_EXCEEDED) that says what is needed, and for what. limit: 0 =
