@@ -272,31 +272,15 @@ class Run {
     return read_points(init);
   }
 
-  // The newest checkpoint that is right: one that is not is said to be wrong, and stays.
   Checkpoint load_newest() {
-    std::string first_error;
-    for (const std::string& path : list_checkpoints(folder_)) {
-      try {
-        Checkpoint checkpoint = unpack_checkpoint(path, io::read_whole_file(path));
-        if (!first_error.empty()) say(first_error + "; the one before it is used");
-        return checkpoint;
-      } catch (const Error& error) {
-        if (first_error.empty()) first_error = error.what();
-      }
-    }
-    throw Error(L4D_ERR_CORRUPT, first_error);
+    std::vector<std::string> notes;
+    Checkpoint checkpoint = newest_checkpoint(folder_, &notes);
+    for (const std::string& note : notes) say(note);
+    return checkpoint;
   }
 
   void restore(Checkpoint checkpoint) {
-    const std::string differs =
-        differences(checkpoint.settings, settings_, options_.accept_changes);
-    if (!differs.empty()) {
-      throw Error(L4D_ERR_INVALID_ARGUMENT,
-                  folder_ + ": the checkpoint is of other settings: " + differs);
-    }
-    if (checkpoint.run.camera_loss.size() != capture_.cameras.size()) {
-      throw Error(L4D_ERR_INVALID_ARGUMENT, folder_ + ": the capture has other cameras now");
-    }
+    check_resumes(folder_, checkpoint, settings_, capture_, options_.accept_changes);
     // Another capacity may hold the rows of all windows again.
     const std::string capacity = "\nresident " + std::to_string(settings_.resident) + "\n";
     if (checkpoint.settings.find(capacity) == std::string::npos) {

@@ -215,6 +215,32 @@ std::vector<std::string> list_checkpoints(const std::string& folder) {
   return found;
 }
 
+Checkpoint newest_checkpoint(const std::string& folder, std::vector<std::string>* notes) {
+  std::string first_error;
+  for (const std::string& path : list_checkpoints(folder)) {
+    try {
+      Checkpoint checkpoint = unpack_checkpoint(path, io::read_whole_file(path));
+      if (!first_error.empty()) notes->push_back(first_error + "; the one before it is used");
+      return checkpoint;
+    } catch (const Error& error) {
+      if (first_error.empty()) first_error = error.what();
+    }
+  }
+  throw Error(L4D_ERR_CORRUPT, first_error);
+}
+
+void check_resumes(const std::string& folder, const Checkpoint& checkpoint,
+                   const Settings& settings, const Capture& capture, bool accept_changes) {
+  const std::string differs = differences(checkpoint.settings, settings, accept_changes);
+  if (!differs.empty()) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                folder + ": the checkpoint is of other settings: " + differs);
+  }
+  if (checkpoint.run.camera_loss.size() != capture.cameras.size()) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT, folder + ": the capture has other cameras now");
+  }
+}
+
 CheckpointWriter::~CheckpointWriter() {
   if (thread_.joinable()) thread_.join();
 }

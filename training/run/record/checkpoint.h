@@ -26,6 +26,13 @@ Checkpoint unpack_checkpoint(const std::string& name, const std::vector<uint8_t>
 
 // The checkpoints in a folder, newest first.
 std::vector<std::string> list_checkpoints(const std::string& folder);
+// The newest one that is right: where one is not, that is noted, and it stays. Throws
+// io::Error(CORRUPT) where none is.
+Checkpoint newest_checkpoint(const std::string& folder, std::vector<std::string>* notes);
+// Throws io::Error(INVALID_ARGUMENT) where a run cannot go on from the checkpoint: it is of other
+// settings, or the capture has other cameras.
+void check_resumes(const std::string& folder, const Checkpoint& checkpoint,
+                   const Settings& settings, const Capture& capture, bool accept_changes);
 
 // Writes checkpoints of a run on a thread, under a temporary name until they are whole, and keeps
 // the newest two.
