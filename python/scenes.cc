@@ -17,6 +17,7 @@
 #include "eval/pairing.h"
 #include "eval/shown_members.h"
 #include "io/camera/cameras.h"
+#include "io/camera/first_view.h"
 #include "io/ply/scene_ply.h"
 #include "io/scene/scene.h"
 #include "l4d/l4d.hpp"
@@ -80,6 +81,29 @@ l4dpy_scene* new_scene(l4d::io::Scene scene) {
   return out.release();
 }
 
+l4d::io::Scene copy_of(const l4dpy_parts& parts) {
+  const l4d_gaussians& g = parts.gaussians;
+  const size_t n = static_cast<size_t>(g.count);
+  l4d::io::Scene scene;
+  scene.sh_degree = g.sh_degree;
+  scene.flags = g.flags;
+  l4d::for_each_attribute(
+      [&](const l4d::AttributeInfo& a, const float* from, std::vector<float>& to) {
+        copy(from, n * a.numbers(g.sh_degree), &to);
+      },
+      g, scene);
+  copy(g.window, 2 * n, &scene.window);
+  if (g.mean_t_double != nullptr) {
+    scene.set_mean_times(std::vector<double>(g.mean_t_double, g.mean_t_double + n));
+  }
+  scene.timeline = parts.timeline;
+  scene.placement = parts.placement;
+  scene.rendering = parts.rendering;
+  scene.presentation = parts.presentation;
+  scene.source = "python";
+  return scene;
+}
+
 void add(const char* name, const char* meaning, double max, double rmse, double p999,
          l4dpy_comparison* out) {
   if (out->num_errors == L4DPY_MAX_ERRORS) {
@@ -96,6 +120,7 @@ void write_comparison(const l4d::eval::Comparison& c, l4dpy_comparison* out) {
   out->equal_rows = c.pairing.equal_rows;
   out->identical = c.identical() ? 1 : 0;
   c.pairing.match.copy(out->match, sizeof out->match - 1);
+  if (!c.pairing.is_known()) return;
   for (const l4d::eval::AttributeError& e : c.attributes) {
     add(e.name, e.meaning, e.max, e.rmse, std::nan(""), out);
   }
@@ -148,28 +173,11 @@ l4d_status l4dpy_read_stream(const l4d_reader* reader, l4dpy_scene** out) {
 }
 
 l4d_status l4dpy_copy(const l4dpy_parts* parts, l4dpy_scene** out) {
-  return guarded([&] {
-    const l4d_gaussians& g = parts->gaussians;
-    const size_t n = static_cast<size_t>(g.count);
-    l4d::io::Scene scene;
-    scene.sh_degree = g.sh_degree;
-    scene.flags = g.flags;
-    l4d::for_each_attribute(
-        [&](const l4d::AttributeInfo& a, const float* from, std::vector<float>& to) {
-          copy(from, n * a.numbers(g.sh_degree), &to);
-        },
-        g, scene);
-    copy(g.window, 2 * n, &scene.window);
-    if (g.mean_t_double != nullptr) {
-      scene.set_mean_times(std::vector<double>(g.mean_t_double, g.mean_t_double + n));
-    }
-    scene.timeline = parts->timeline;
-    scene.placement = parts->placement;
-    scene.rendering = parts->rendering;
-    scene.presentation = parts->presentation;
-    scene.source = "python";
-    *out = new_scene(std::move(scene));
-  });
+  return guarded([&] { *out = new_scene(copy_of(*parts)); });
+}
+
+l4d_status l4dpy_state_first_view(l4dpy_parts* parts) {
+  return guarded([&] { l4d::io::state_first_view(copy_of(*parts), &parts->presentation); });
 }
 
 void l4dpy_destroy(l4dpy_scene* scene) { delete scene; }
@@ -210,15 +218,14 @@ l4d_status l4dpy_compare(const l4dpy_scene* a, const l4dpy_scene* b, const uint3
   return guarded([&] {
     const Flag flag(cancel);
     const DecodedScene &from = a->decoded, &to = b->decoded;
+    const DecodedScene* stream = from.levels.empty() ? nullptr : &from;
     l4d::eval::Pairing pairing =
         order != nullptr ? l4d::eval::pair_by_order(from.scene, to.scene,
                                                     std::vector<uint32_t>(order, order + num_order))
-                         : l4d::eval::pair_by_content(from.scene, to.scene, threads, flag);
+                         : l4d::eval::pair_by_content(from.scene, to, threads, {}, stream, flag);
     flag.check();
-    const bool is_stream = !from.levels.empty();
-    write_comparison(l4d::eval::compare_scenes(from.scene, to, std::move(pairing), threads, {},
-                                               is_stream ? &from : nullptr),
-                     out);
+    write_comparison(
+        l4d::eval::compare_scenes(from.scene, to, std::move(pairing), threads, {}, stream), out);
   });
 }
 

@@ -31,6 +31,8 @@ l4d_status l4dpy_read_ply(const char* path, double seconds, double fps, l4dpy_sc
 l4d_status l4dpy_read_stream(const l4d_reader* reader, l4dpy_scene** out);
 /* Copies a scene. `source` and `notes` may be NULL. */
 l4d_status l4dpy_copy(const l4dpy_parts* parts, l4dpy_scene** out);
+/* Sets the first view of the presentation as `l4dcodec encode` does where a scene states none. */
+l4d_status l4dpy_state_first_view(l4dpy_parts* parts);
 void l4dpy_destroy(l4dpy_scene* scene); /* accepts NULL */
 /* The parts of a scene. The arrays are borrowed until the scene is destroyed. */
 void l4dpy_get(const l4dpy_scene* scene, l4dpy_parts* out);
@@ -55,7 +57,7 @@ typedef struct l4dpy_comparison {
   uint64_t equal_rows; /* pairs of the same bits */
   uint32_t identical;  /* 1: the same Gaussians bit for bit, in any order */
   uint32_t num_errors;
-  char match[16]; /* how Gaussians were paired: "order", "exact" or "nearest" */
+  char match[16]; /* how Gaussians were paired: "order", "exact", "stated" or "unknown" */
   l4dpy_error errors[L4DPY_MAX_ERRORS];
 } l4dpy_comparison;
 /* Measures how far `b` is from `a`. order: [num_order], the index in `a` of each Gaussian of `b`,

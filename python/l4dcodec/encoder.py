@@ -79,14 +79,15 @@ def _set(encoder: Any, name: str, value: Union[float, Sequence[float]]) -> int:
 def encode(scene: Union[Scene, Path], output: Union[Path, BinaryIO], *, preset: str = "default",
            quality: Optional[float] = None, parameters: Optional[Mapping[str, Any]] = None,
            weights: Optional[Mapping[str, npt.ArrayLike]] = None, min_sizes: Optional[npt.ArrayLike] = None,
-           metadata: Optional[Mapping[str, str]] = None, seed: int = 0, threads: int = 0,
+           metadata: Optional[Mapping[str, str]] = None, first_view: bool = True, seed: int = 0, threads: int = 0,
            progress: Optional[Progress] = None) -> EncodeReport:
     """Encodes a scene, or the scene of a file, to a file or to an object with write(bytes).
 
     preset: one of presets(). quality: fidelity in dB to aim at, 20 to 90, in place of the preset's. parameters: any
     of parameters(), with a component behind a full stop where they have one ("codebook-size.sh"), and "tiers" and
     "stages", which are lists. weights: importance, [N] each, by the names of WEIGHTS. min_sizes: [N] scene units,
-    sizes below which errors of a Gaussian do not count. The file appears when it is complete. It is the same for
+    sizes below which errors of a Gaussian do not count. first_view: a scene whose presentation has no camera gets
+    one from where much of it is seen. The file appears when it is complete. It is the same for
     any number of threads, and the same as that of `l4dcodec encode`.
 
     progress(done, total, stage) is called between steps. An exception that it raises cancels the encode and is
@@ -110,6 +111,8 @@ def encode(scene: Union[Scene, Path], output: Union[Path, BinaryIO], *, preset: 
     for key, text_ in (metadata or {}).items():
         run(lib.l4d_encoder_add_metadata(encoder, key.encode(), text_.encode()))
     parts, kept = parts_of(scene)
+    if first_view and not parts.presentation.has_camera:
+        check(lib.l4dpy_state_first_view(parts))
     run(lib.l4d_encoder_set_scene(encoder, ffi.addressof(parts, "gaussians"), ffi.addressof(parts, "timeline"),
                                   ffi.addressof(parts, "placement")))
     run(lib.l4d_encoder_set_rendering(encoder, ffi.addressof(parts, "rendering")))

@@ -44,7 +44,8 @@ class Comparison:
     identical: bool
     """The same Gaussians bit for bit, in any order."""
     match: str
-    """How Gaussians are paired: "order", "exact" or "nearest"."""
+    """How Gaussians are paired: "order"; "exact", by their bits; "stated", within the errors that B states of itself;
+    "unknown": not all of them, so that `errors` lacks those of single Gaussians."""
     count_a: int
     count_b: int
     matched: int
@@ -56,8 +57,8 @@ def compare(a: Union[Scene, Source], b: Union[Scene, Source], *, order: Optional
             threads: int = 0) -> Comparison:
     """Measures how far the attributes of `b` are from those of `a`. Both are scenes, PLYs or streams.
 
-    order: EncodeReport.order, if `b` is what became of `a`. Without it, Gaussians are paired by their bits, and
-    those that differ by the smallest distance, which may swap twins: the figures are then upper estimates.
+    order: EncodeReport.order, if `b` is what became of `a`. Without it, Gaussians are paired by their bits, or as
+    `b`, a stream, states how far it is from its original.
     """
     first, second = native_of(a), native_of(b)
     indices = None if order is None else np.ascontiguousarray(order, np.uint32)
