@@ -12,25 +12,29 @@ const sleep = ms => new Promise(resolve => setTimeout(resolve, ms));
 
 /**
  * @typedef {object} Faults of the stream: no ranges, a tag, a status, Mbit/s, ms before each answer, what answers from a byte on wait for,
- * headers of all answers
+ * headers of all answers, what page.html is
  * @property {boolean} [ranges] @property {string} [etag] @property {number} [status] @property {number} [rate]
  * @property {number} [delay] @property {(begin: number) => Promise<void> | undefined} [hold]
- * @property {Record<string, string>} [headers]
+ * @property {Record<string, string>} [headers] @property {{body: string, headers?: Record<string, string>}} [page]
  */
 
 /**
  * @param {Record<string, string>} streams name to path @param {Faults} [faults] may be changed later
- * @param {string} [folder] of the files beside them
+ * @param {string} [folder] of the files beside them @param {Record<string, string>} [headers] of these
  */
-export const serve = async (streams, faults = {}, folder = 'build/web/player') => {
-  const requests = [], methods = [];
+export const serve = async (streams, faults = {}, folder = 'build/web/player', headers = {}) => {
+  const requests = [], methods = [], names = [];
   let busyUntil = 0;
   const server = createServer(async (request, response) => {
     const name = new URL(request.url ?? '/', 'http://x').pathname.slice(1) || 'index.html';
+    names.push(name);
+    if (name === 'page.html' && faults.page) {
+      return response.writeHead(200, {'Content-Type': 'text/html', ...faults.page.headers}).end(faults.page.body);
+    }
     if (!(name in streams)) {
       try {
         const body = readFileSync(join(root, folder, name));
-        response.writeHead(200, {'Content-Type': types[extname(name)] ?? 'application/octet-stream'}).end(body);
+        response.writeHead(200, {'Content-Type': types[extname(name)] ?? 'application/octet-stream', ...headers}).end(body);
       } catch {
         response.writeHead(404).end();
       }
@@ -66,7 +70,7 @@ export const serve = async (streams, faults = {}, folder = 'build/web/player') =
   });
   await new Promise(resolve => server.listen(0, '127.0.0.1', () => resolve(undefined)));
   return {
-    url: `http://127.0.0.1:${server.address().port}/`, requests, methods, faults,
+    url: `http://127.0.0.1:${server.address().port}/`, requests, methods, names, faults,
     close: () => { server.closeAllConnections(); server.close(); }
   };
 };
@@ -118,5 +122,5 @@ export const newPage = async (browser, options = {}) => {
 /** Waits until the player shows its first picture. @param {any} page */
 export const opened = page => page.waitForFunction(() => {
   const player = document.querySelector('l4d-player');
-  return player?.movie?.info && player.shadowRoot.querySelector('.poster').classList.contains('gone');
+  return player?.isOpen && player.shadowRoot.querySelector('.poster').classList.contains('gone');
 }, undefined, {timeout: 120000});

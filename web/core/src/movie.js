@@ -4,6 +4,7 @@ import {Emitter} from './emitter.js';
 import {abortError, L4DError} from './errors.js';
 import {Spans} from './spans.js';
 import {frameOfTime} from './timeline.js';
+import {inlined, startWorker} from './workers.js';
 
 /**
  * @typedef {object} Slice the 3D Gaussians of an instant
@@ -118,8 +119,8 @@ export class Movie extends Emitter {
   constructor(options) {
     super();
     this.options = options;
-    this.worker = options.worker?.() ??
-      new Worker(new URL('./worker.js', import.meta.url), {type: 'module'});
+    this.worker = options.worker?.() ?? startWorker(
+      () => new Worker(new URL('./worker.js', import.meta.url), {type: 'module'}), inlined.worker, 'worker.js', import.meta.url);
     /** @type {Map<number, {resolve: (value: any) => void, reject: (reason: any) => void}>} */
     this.calls = new Map();
     this.nextId = 1;
@@ -155,7 +156,8 @@ export class Movie extends Emitter {
     this.firstTime = null;
     this.behind = 0;
     this.worker.onmessage = event => this.#receive(event.data);
-    this.worker.onerror = event => this.#fail(new L4DError('INTERNAL', event.message ?? 'the worker failed'));
+    this.worker.onerror = event => this.#fail(new L4DError(
+      'INTERNAL', event.message ?? 'the worker did not start; a content security policy must allow it (worker-src)'));
   }
 
   /** Of `open`. @param {string | URL | Blob | ArrayBuffer | ArrayBufferView} from */
@@ -173,11 +175,12 @@ export class Movie extends Emitter {
     } else if (from instanceof Blob) source.blob = from;
     else source.url = addressOf(from, bases[0]);
     const {cacheBytes, maxRows, tolerant} = this.options;
-    const wasmUrl = addressOf(this.options.wasmUrl ?? new URL('./l4d.wasm', import.meta.url));
+    const wasm = this.options.wasmUrl ? undefined : inlined.wasm;
+    const wasmUrl = wasm ? '' : addressOf(this.options.wasmUrl ?? new URL('./l4d.wasm', import.meta.url));
     const isPlaylist = source.url !== undefined &&
       (this.options.playlist ?? /\.m3u8$/i.test(new URL(source.url).pathname));
     const {playlist, ...info} = await this.#call('open', {
-      source, isPlaylist, wasmUrl, options: {cacheBytes, maxRows, tolerant},
+      source, isPlaylist, wasm, wasmUrl, options: {cacheBytes, maxRows, tolerant},
       link: {headers, credentials, cache, timeout, retries, bases}, asks: request !== undefined
     }, this.options.signal, transfer);
     this.info = info;

@@ -8,8 +8,10 @@ export class PointerControls {
   /**
    * @param {HTMLElement} target @param {import('./camera.js').OrbitCamera} camera
    * @param {() => void} onChange @param {() => void} onTap
+   * @param {(event: WheelEvent | PointerEvent) => boolean} takes whether a wheel or a pointer is for the camera, not for the page
    */
-  constructor(target, camera, onChange, onTap) {
+  constructor(target, camera, onChange, onTap, takes = () => true) {
+    this.takes = takes;
     this.target = target;
     this.camera = camera;
     this.onChange = onChange;
@@ -33,6 +35,7 @@ export class PointerControls {
 
   /** @param {PointerEvent} event */
   #down(event) {
+    if (!this.takes(event)) return;
     this.target.setPointerCapture(event.pointerId);
     if (this.pointers.size === 0) this.moved = 0;
     this.pointers.set(event.pointerId, {x: event.clientX, y: event.clientY});
@@ -76,6 +79,7 @@ export class PointerControls {
 
   /** @param {WheelEvent} event */
   #wheel(event) {
+    if (!this.takes(event)) return;
     event.preventDefault();
     const pixels = event.deltaY * [1, 16, 240][event.deltaMode];
     if (this.mode === 'fly') this.camera.move(0, 0, -pixels * 0.001);

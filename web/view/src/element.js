@@ -1,20 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 import {L4DError, open} from 'l4dcodec';
+import {openOptions} from './attributes.js';
 import {PointerControls} from './controls.js';
+import {enter, hasRoom, leave} from './crowd.js';
 import {onKey} from './keys.js';
 import {MediaElement} from './media.js';
-import {addStyle, icons, html} from './template.js';
+import {fill} from './template.js';
 import {clockText, describeError, describeLosses, overlayLines, parseLink, spokenTime} from './text.js';
 import {View} from './view.js';
 
 const idleSeconds = 2.5;
+const lostSeconds = 3;  // that a context may be lost, before the player gives it up
 const playbacks = /** @type {const} */ (['once', 'loop', 'ping-pong']);
 
 /**
- * `<l4d-player src poster autoplay loop playback="once|loop|ping-pong|auto" camera="orbit|fly" detail="auto|base|full"
- * backend="webgl2|webgpu|auto" overlay>`: a player with controls. Events: 'open' (the movie is its detail), 'error' (an
- * Error), 'backend' (which one draws), and 'play', 'pause', 'ended', 'timeupdate', 'ratechange' and 'durationchange' as of
- * media elements. `movie` and `view` are those of the packages.
+ * `<l4d-player src poster autoplay loop preload="none" loading="lazy" controls="none" playback="once|loop|ping-pong|auto"
+ * camera="orbit|fly" gestures="all|page|none" detail="auto|base|full" backend="webgl2|webgpu|auto" overlay>`, and what
+ * attributes.js reads: a player with controls. Events: 'open' (the movie is its detail), 'error' (an Error), 'backend' (which one
+ * draws), and those of media elements. `movie` and `view` are those of the packages.
  */
 export class L4DPlayer extends MediaElement {
   static observedAttributes = ['src', 'poster', 'loop', 'playback', 'detail', 'camera', 'overlay'];
@@ -22,44 +25,65 @@ export class L4DPlayer extends MediaElement {
   constructor() {
     super();
     const root = this.attachShadow({mode: 'open'});
-    root.innerHTML = html;
-    addStyle(root);
+    fill(root);
     /** @type {(selector: string) => any} */
     this.$ = selector => root.querySelector(selector);
     /** @type {View | null} */
     this.view = null;
     /** @type {PointerControls | null} */
-    this.controls = null;
+    this.pointer = null;
     this.loading = new AbortController();
+    /** What load() was given last. @type {Parameters<typeof open>[0] | undefined} */
+    this.source = undefined;
+    /** While it is in a page. @type {AbortController | null} */
+    this.life = null;
+    this.isNear = true;  // less than its page's height from what is seen of the page
+    /** Of before it gave its context back, or left the page. @type {{camera: string, plays: boolean} | null} */
+    this.kept = null;
     this.frames = {count: 0, since: performance.now(), fps: 0};
     this.scrubbing = false;
     this.#listen();
   }
 
   connectedCallback() {
-    this.#setView();
+    if (this.life) return;  // it was moved
+    this.life = new AbortController();
+    const {signal} = this.life;
     this.upgradeProperties();
-    if (this.getAttribute('src') && !this.opening) void this.load();
-    this.timer = setInterval(() => this.#everySecond(), 500);
+    document.addEventListener('visibilitychange', () => this.#hide(document.hidden), {signal});
+    const observer = new IntersectionObserver(entries => this.#near(entries.at(-1)?.isIntersecting ?? true), {rootMargin: '100%'});
+    observer.observe(this);
+    const timer = setInterval(() => this.#everySecond(), 500);
+    signal.addEventListener('abort', () => {
+      observer.disconnect();
+      clearInterval(timer);
+    });
+    const {movie} = this;
+    // Opened before the element was in a page.
+    if (movie) void this.#setView().then(() => this.view?.show(movie)).then(() => this.view?.home(), error => this.#showError(error));
+    else this.#begins();
   }
 
   disconnectedCallback() {
-    clearInterval(this.timer);
-    this.unload();
-    this.controls?.dispose();
-    const gl = this.view?.gl;
-    this.view?.dispose();
-    this.view = this.controls = null;
-    // A page may have few contexts, and one lives until its canvas is collected. The next view has another canvas.
-    const canvas = this.$('canvas');
-    canvas.replaceWith(canvas.cloneNode());
-    gl?.getExtension('WEBGL_lose_context')?.loseContext();
+    // Who moves it adds it again at once.
+    queueMicrotask(() => {
+      if (this.isConnected || !this.life) return;
+      this.life.abort();
+      this.life = null;
+      this.#keep();
+      this.unload();
+      this.#dropView();
+    });
   }
 
   /** @param {string} name @param {string | null} before @param {string | null} value */
   attributeChangedCallback(name, before, value) {
-    // Before the view is there, connectedCallback is still to come, and loads it.
-    if (name === 'src' && value && value !== before && this.view) void this.load();
+    // Before it is in a page, connectedCallback is still to come, and loads it.
+    if (name === 'src' && value && value !== before && this.life) {
+      this.kept = null;
+      this.unload();
+      this.#begins();
+    }
     if (name === 'poster') {
       this.$('.poster').hidden = !value;
       this.$('.poster').src = value ?? '';
@@ -70,22 +94,98 @@ export class L4DPlayer extends MediaElement {
     if (name === 'overlay') this.toggleOverlay(value !== null);
   }
 
-  #setView() {
-    if (this.view) return;
+  /** Loads `src`, unless the page, or its other players, want that later: then a click does it. */
+  #begins() {
+    const source = this.kept ? this.source : this.getAttribute('src');
+    if (!source || this.opening || !this.life) return;
+    this.isLazy = this.preload !== 'none' || this.autoplay;
+    if (this.isLazy && this.getAttribute('loading') !== 'lazy' && hasRoom()) return void this.load(source);
+    this.$('.big').hidden = false;
+  }
+
+  /** @param {boolean} isNear */
+  #near(isNear) {
+    this.isNear = isNear;
+    this.#scrolls();
+    if (isNear && !this.opening && (this.isLazy || this.kept) && hasRoom()) void this.load(this.#again());
+  }
+
+  /** What a click, or being seen, loads. */
+  #again() { return (this.kept ? this.source : undefined) ?? this.getAttribute('src') ?? undefined; }
+
+  /** @param {boolean} hidden */
+  #hide(hidden) {
+    const {movie} = this;
+    if (hidden && movie && !movie.paused) {
+      movie.pause();
+      this.resumes = this.plays;
+    } else if (!hidden && movie?.paused && this.resumes === this.plays) {
+      movie.play();
+    }
+    if (!hidden) this.resumes = -1;
+  }
+  resumes = -1;  // with so many calls of play() and pause()
+
+  /** What is to be the same when it loads again. */
+  #keep() {
+    if (!this.movie || !this.isOpen) return;
+    this.kept = {camera: String(this.view?.orbit), plays: !this.movie.paused};
+    this.startAt = this.currentTime;
+  }
+
+  /** Gives its context to others. Time, camera and picture stay; it loads again when it is seen or used. */
+  async sleep() {
+    leave(this);
+    const {signal} = this.loading;
+    const {view} = this;
+    const late = new Promise(resolve => setTimeout(resolve, 2000, null));
+    const pixels = this.isOpen && view?.gl?.isContextLost() === false ? await Promise.race([view.pixels().catch(() => null), late]) : null;
+    if (signal.aborted || this.view !== view) return;
+    if (pixels && view) {
+      const {width, height} = view.canvas;
+      const still = Object.assign(document.createElement('canvas'), {width, height, className: 'still'});
+      still.getContext('2d')?.putImageData(new ImageData(new Uint8ClampedArray(pixels), width, height), 0, 0);
+      this.$('canvas').after(still);
+    }
+    this.#keep();
+    this.unload();
+    this.#dropView();
+    this.$('.big').hidden = false;
+  }
+
+  #dropView() {
+    leave(this);
+    this.pointer?.dispose();
+    const gl = this.view?.gl;
+    this.view?.dispose();
+    this.view = this.pointer = null;
+    // A page may have few contexts, and one lives until its canvas is collected. The next view has another canvas.
+    const canvas = this.$('canvas');
+    canvas.replaceWith(canvas.cloneNode());
+    gl?.getExtension('WEBGL_lose_context')?.loseContext();
+  }
+
+  /** Fails where nothing can draw. */
+  async #setView() {
+    enter(this);
+    if (this.view) return void await this.view.ready;
     const canvas = this.$('canvas');
     try {
       const backend = /** @type {any} */ (this.getAttribute('backend') ?? undefined);
-      this.view = new View(canvas, {background: [0.043, 0.051, 0.063], backend});
+      const view = this.view = new View(canvas, {background: [0.043, 0.051, 0.063], backend});
+      this.pointer = new PointerControls(canvas, view.orbit, () => { this.view?.change(); this.#awake(); }, () => this.toggle(),
+                                         event => this.#takes(event));
+      this.#setMode(this.getAttribute('camera') === 'fly' ? 'fly' : 'orbit');
+      this.dispatchEvent(new CustomEvent('backend', {detail: await view.ready}));
+      this.removeAttribute('unsupported');
+      canvas.addEventListener('webglcontextlost', () => setTimeout(() => {
+        if (this.view === view && view.gl?.isContextLost()) void this.sleep();
+      }, 1000 * lostSeconds));
     } catch (error) {
-      return this.#showError(error);
+      this.#dropView();
+      this.toggleAttribute('unsupported', true);
+      throw error;
     }
-    void this.view.ready.then(backend => this.dispatchEvent(new CustomEvent('backend', {detail: backend})),
-                              error => this.#showError(error));
-    this.controls = new PointerControls(canvas, this.view.orbit, () => { this.view?.change(); this.#awake(); },
-                                        () => this.toggle());
-    this.#setMode(this.getAttribute('camera') === 'fly' ? 'fly' : 'orbit');
-    // Opened before the element was in a page.
-    if (this.movie) void this.view.show(this.movie).then(() => this.view?.home());
   }
 
   /**
@@ -94,6 +194,7 @@ export class L4DPlayer extends MediaElement {
    * @param {string | URL | Blob | ArrayBuffer | ArrayBufferView} [source] @returns {Promise<void>}
    */
   load(source = this.getAttribute('src') ?? '') {
+    if (source !== this.source) this.kept = null;
     this.unload();
     this.source = source;
     const opening = this.opening = this.#load(source, this.loading.signal);
@@ -103,11 +204,17 @@ export class L4DPlayer extends MediaElement {
 
   /** @param {Parameters<typeof open>[0]} source @param {AbortSignal} signal */
   async #load(source, signal) {
+    this.setError(null);
+    this.isLazy = false;
     this.$('.message').hidden = true;
     this.#busy(true);
+    this.tell('loadstart');
     try {
       if (source === '') throw new L4DError('INVALID_ARGUMENT', 'the player has no src');
-      const movie = await open(source, {signal});
+      // What cannot be drawn is not fetched.
+      if (this.life) await this.#setView();
+      signal.throwIfAborted();
+      const movie = await open(source, {...openOptions(this), signal});
       if (signal.aborted) movie.dispose();
       signal.throwIfAborted();
       this.movie = movie;
@@ -123,71 +230,72 @@ export class L4DPlayer extends MediaElement {
   async #begin(movie) {
     this.#setPlayback();
     movie.rate = this.rateWanted;
-    movie.on('time', () => {
-      this.#showTime();
-      this.#tell('timeupdate');
-    });
+    movie.on('time', () => this.#showTime());
     movie.on('progress', () => this.#showProgress());
-    for (const type of ['play', 'pause', 'ended']) {
-      movie.on(type, () => {
-        this.#showState(type);
-        this.#tell(type);
-      });
-    }
+    for (const type of ['play', 'pause', 'ended']) movie.on(type, () => this.#showState(type));
     movie.on('stall', () => this.#busy(true));
     movie.on('resume', () => this.#busy(false));
     movie.on('ready', () => this.#busy(false));
     movie.on('error', error => this.#showError(error));
     movie.on('grown', ({live}) => {
       this.#showEnd(movie);
-      this.#tell('durationchange');
       if (!live) this.#say('The recording has ended');
     });
     movie.on('retry', () => this.#say('The connection is slow, trying again'));
+    this.follow(movie);
+    for (const type of ['durationchange', 'loadedmetadata']) this.tell(type);
     this.#fillMenu(movie);
     movie.on('loss', () => this.#showLosses(movie));
     this.#showLosses(movie);
     await this.view?.show(movie);
     const link = this.#linkOfPage();
     const start = this.startAt === null ? movie.startTime : movie.timeBegin + this.startAt;
-    await movie.seek(link.time ?? start).catch(error => {
+    await movie.seek(this.kept ? start : link.time ?? start).catch(error => {
       // Who seeks meanwhile knows better.
       if (error.name !== 'AbortError') throw error;
     });
     if (this.movie !== movie) return;
     await this.view?.home();
-    if (link.camera && this.view?.orbit.parse(link.camera)) this.view.change();
+    const camera = this.kept?.camera ?? link.camera;
+    if (camera && this.view?.orbit.parse(camera)) this.view.change();
     await this.view?.settled();
     if (this.movie !== movie) return;
     this.setOpen(true);
     this.$('.poster').classList.add('gone');
+    this.$('.still')?.remove();
     this.#busy(false);
     this.#showTime();
     this.#showProgress();
     const still = matchMedia('(prefers-reduced-motion: reduce)').matches;
-    if (this.hasAttribute('autoplay') && !still) movie.play();
+    for (const type of ['loadeddata', 'canplay', 'canplaythrough']) this.tell(type);
+    if (this.kept ? this.kept.plays : this.autoplay && !still) movie.play();
     else this.$('.big').hidden = false;
+    this.kept = null;
     this.#say(movie.live ? 'Ready, live' : `Ready, ${spokenTime(movie.duration)}`);
-    this.#tell('durationchange');
     this.dispatchEvent(new CustomEvent('open', {detail: movie}));
   }
 
-  /** @param {string} type of an event without a detail */
-  #tell(type) { this.dispatchEvent(new Event(type)); }
-
   unload() {
+    const wasLoading = this.opening && !this.isOpen && !this.error;
+    const had = this.movie;
     this.opening = null;
     this.setOpen(false);
+    this.isWaiting = false;
+    this.seeks = 0;
     this.loading.abort();
     this.loading = new AbortController();
     this.view?.hide();
     this.movie?.dispose();
     this.movie = null;
     this.$('.big').hidden = true;
+    this.$('.poster').classList.remove('gone');
+    if (wasLoading) this.tell('abort');
+    if (had || wasLoading) this.tell('emptied');
   }
 
   toggle() {
-    if (!this.movie) return;
+    if (!this.movie && !this.opening && this.#again() !== undefined) void this.load(this.#again());
+    if (!this.movie) return void this.play().catch(() => {});
     if (this.movie.paused) this.movie.play();
     else this.movie.pause();
   }
@@ -196,7 +304,7 @@ export class L4DPlayer extends MediaElement {
   seek(time) {
     if (!this.movie) return;
     if (time > this.movie.timeEnd && this.movie.loop) time = this.movie.timeBegin;
-    void this.movie.seek(time).catch(() => {});
+    this.seekTo(time);
     this.#awake();
   }
 
@@ -222,6 +330,8 @@ export class L4DPlayer extends MediaElement {
 
   /** @param {boolean} [on] */
   toggleMenu(on = this.$('.menu').hidden) {
+    // The focus was in it.
+    if (!on && !this.$('.menu').hidden) this.$('.settings').focus();
     this.$('.menu').hidden = !on;
     this.$('.settings').setAttribute('aria-expanded', String(on));
     if (on) this.$('#detail').focus();
@@ -287,9 +397,32 @@ export class L4DPlayer extends MediaElement {
       const file = e.dataTransfer?.files[0];
       if (file) void this.load(file);
     });
-    document.addEventListener('visibilitychange', () => {
-      if (document.hidden && this.movie && !this.movie.paused) this.movie.pause();
-    });
+  }
+
+  /** Whether the page is to scroll where a finger or a wheel is on the player. */
+  #scrolls() {
+    const {scrollHeight, scrollWidth} = document.scrollingElement ?? document.documentElement;
+    const scrolls = (this.getAttribute('gestures') ?? 'page') === 'page' && document.fullscreenElement !== this &&
+      (scrollHeight > innerHeight + 1 || scrollWidth > innerWidth + 1);
+    this.toggleAttribute('scrolls', scrolls);
+    return scrolls;
+  }
+
+  /**
+   * Whether a wheel or a pointer is for the camera. By `gestures="page"`, which is the rule, a page scrolls past the player.
+   * @param {WheelEvent | PointerEvent} event
+   */
+  #takes(event) {
+    enter(this);
+    const scrolls = this.#scrolls();
+    if (this.getAttribute('gestures') === 'none') return false;
+    if (event.type !== 'wheel' || !scrolls || event.ctrlKey || event.metaKey || this.matches(':focus-within')) return true;
+    const hint = this.$('.hint');
+    hint.textContent = 'Hold Ctrl to zoom, or click first';
+    hint.classList.add('on');
+    clearTimeout(this.hintTimer);
+    this.hintTimer = setTimeout(() => hint.classList.remove('on'), 1200);
+    return false;
   }
 
   /** @param {number} share of the duration */
@@ -343,7 +476,7 @@ export class L4DPlayer extends MediaElement {
 
   /** @param {string} mode */
   #setMode(mode) {
-    if (this.controls) this.controls.mode = mode === 'fly' ? 'fly' : 'orbit';
+    if (this.pointer) this.pointer.mode = mode === 'fly' ? 'fly' : 'orbit';
     this.$('#mode').value = mode === 'fly' ? 'fly' : 'orbit';
   }
 
@@ -393,7 +526,7 @@ export class L4DPlayer extends MediaElement {
   #showState(type) {
     const name = type === 'play' ? 'Pause' : type === 'ended' ? 'Play again' : 'Play';
     const button = this.$('.play');
-    button.innerHTML = type === 'play' ? icons.pause : type === 'ended' ? icons.again : icons.play;
+    button.dataset.shows = type === 'play' ? 'pause' : type === 'ended' ? 'again' : 'play';
     button.setAttribute('aria-label', name);
     button.title = `${name} (space)`;
     this.$('.big').hidden = true;
@@ -417,6 +550,7 @@ export class L4DPlayer extends MediaElement {
   /** @param {any} error */
   #showError(error) {
     this.#busy(false);
+    this.setError(error);
     const {title, text} = describeError(error);
     const box = this.$('.message');
     box.classList.toggle('over', true);

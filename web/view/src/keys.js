@@ -12,7 +12,7 @@ export const onKey = (event, player) => {
   const by = (/** @type {number} */ seconds) => player.seek(movie.currentTime + seconds);
   const frame = 1 / movie.info.frameRate;
   const turn = (/** @type {number} */ x, /** @type {number} */ y) => {
-    player.controls?.turn(x, y);
+    player.pointer?.turn(x, y);
     player.view?.change();
   };
   const move = (/** @type {number} */ right, /** @type {number} */ down, /** @type {number} */ forward) => {

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+import {trustedHtml} from 'l4dcodec';
 
 const icon = (/** @type {string} */ path) =>
   `<svg viewBox="0 0 24 24" aria-hidden="true" focusable="false"><path d="${path}"/></svg>`;
 
-export const icons = {
+const icons = {
   play: icon('M8 5.14v13.72a.6.6 0 0 0 .92.5l10.7-6.86a.6.6 0 0 0 0-1L8.92 4.64A.6.6 0 0 0 8 5.14Z'),
   pause: icon('M7 5h3.5v14H7zM13.5 5H17v14h-3.5z'),
   again: icon('M12 5V1.5L7 6l5 4.5V7a5 5 0 1 1-5 5H5a7 7 0 1 0 7-7Z'),
@@ -20,6 +21,16 @@ const style = `
 :host(:fullscreen) { border-radius: 0; aspect-ratio: auto; }
 * { box-sizing: border-box; }
 canvas { position: absolute; inset: 0; width: 100%; height: 100%; display: block; touch-action: none; cursor: grab; outline: none; }
+:host([scrolls]) canvas { touch-action: pan-y; }
+:host([gestures=none]) canvas { touch-action: auto; cursor: auto; }
+.still { pointer-events: none; }
+slot[name=fallback] { display: none; }
+:host([unsupported]) slot[name=fallback] { display: block; }
+::slotted([slot=fallback]) { position: absolute; inset: 0; width: 100%; height: 100%; object-fit: cover; }
+:host([controls=none]) :is(.bar, .shade, .big, .menu), :host([unsupported]) :is(.bar, .shade, .big, .menu) { display: none; }
+.hint { position: absolute; inset: 0; margin: auto; width: fit-content; height: fit-content; padding: 9px 14px; border-radius: 8px;
+  background: rgb(9 12 16 / .8); pointer-events: none; opacity: 0; transition: opacity .2s; }
+.hint.on { opacity: 1; }
 canvas:active { cursor: grabbing; }
 canvas:focus-visible { box-shadow: inset 0 0 0 2px var(--accent); }
 .poster { position: absolute; inset: 0; width: 100%; height: 100%; object-fit: cover; transition: opacity .3s; pointer-events: none; }
@@ -58,6 +69,8 @@ button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px s
 .big { position: absolute; inset: 0; margin: auto; width: 76px; height: 76px; border-radius: 50%; background: rgb(12 15 20 / .6);
   backdrop-filter: blur(6px); transition: transform .15s, background .15s; }
 .big svg { width: 38px; height: 38px; }
+.play svg { display: none; }
+.play[data-shows=play] svg:nth-child(1), .play[data-shows=pause] svg:nth-child(2), .play[data-shows=again] svg:nth-child(3) { display: block; }
 .big:hover { transform: scale(1.06); background: rgb(30 38 48 / .72); }
 .spinner { position: absolute; inset: 0; margin: auto; width: 44px; height: 44px; border-radius: 50%; border: 3px solid rgb(255 255 255 / .2);
   border-top-color: #fff; animation: turn .9s linear infinite; pointer-events: none; }
@@ -73,6 +86,8 @@ button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px s
 .menu .link { grid-column: 1 / -1; width: auto; height: 34px; background: #2a323d; }
 .message { position: absolute; inset: 0; display: grid; place-content: center; justify-items: center; text-align: center; padding: 24px; gap: 12px; }
 .message.over { background: rgb(9 12 16 / .86); }
+:host([unsupported]) .message { inset: auto 0 0 0; padding: 12px; gap: 4px; }
+:host([unsupported]) .message button { display: none; }
 .message b { font-size: 16px; font-weight: 600; } .message p { margin: 0; max-width: 54ch; color: #c3cbd6; overflow-wrap: anywhere; }
 .message button { width: auto; padding: 8px 18px; background: #2a323d; }
 .note { position: absolute; top: 12px; right: 12px; max-width: min(36ch, 60%); padding: 7px 11px; border-radius: 8px; background: rgb(9 12 16 / .74);
@@ -86,17 +101,28 @@ button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px s
   .bar { padding: 0 6px 6px; } button { width: 44px; height: 44px; } .time .of { display: none; } .overlay { font-size: 11px; padding: 7px 9px; top: 8px; left: 8px; }
   .menu { right: 6px; bottom: 62px; } .big { width: 66px; height: 66px; }
 }
+@container (max-height: 200px) {
+  .message { padding: 8px; gap: 6px; } .message b { font-size: 13px; } .message p { max-height: 4.2em; overflow: hidden; font-size: 11px; }
+}
 @container (max-height: 340px) {
   .menu { grid-template-columns: repeat(4, auto); padding: 8px 10px; gap: 6px 8px; max-height: calc(100% - 66px); }
   .menu select { min-width: 0; width: 100%; padding: 4px 2px; } .menu .link { height: 30px; padding: 0; }
 }
+@media (pointer: coarse) { .bar button { width: 44px; height: 44px; } .track, .track input::-webkit-slider-runnable-track { height: 32px; }
+  .track .rail, .track .spans, .track .done { top: 14px; } .track input::-webkit-slider-thumb { margin-top: 9px; } }
 @media (prefers-reduced-motion: reduce) { * { transition: none !important; } .spinner { animation-duration: 3s; } }
 `;
+
+/** @param {ShadowRoot} root */
+export const fill = root => {
+  root.innerHTML = trustedHtml(html);
+  addStyle(root);
+};
 
 /**
  * Styles that a content security policy does not take for inline ones. @param {ShadowRoot} root
  */
-export const addStyle = root => {
+const addStyle = root => {
   if ('adoptedStyleSheets' in root) {
     const sheet = new CSSStyleSheet();
     sheet.replaceSync(style);
@@ -108,8 +134,9 @@ export const addStyle = root => {
   }
 };
 
-export const html = `<canvas part="canvas" tabindex="0" role="application" aria-label="Scene. Drag to turn, arrow keys with Alt to turn, wheel or plus and minus to zoom."></canvas>
+const html = `<canvas part="canvas" tabindex="0" role="application" aria-label="Scene. Drag to turn, arrow keys with Alt to turn, wheel or plus and minus to zoom."></canvas>
 <img class="poster" part="poster" alt="" hidden>
+<slot name="fallback"></slot>
 <slot name="captions"></slot>
 <div class="spinner" role="presentation" hidden></div>
 <button class="big" part="big" aria-label="Play" tabindex="-1" aria-hidden="true" hidden>${icons.play}</button>
@@ -122,7 +149,7 @@ export const html = `<canvas part="canvas" tabindex="0" role="application" aria-
     <div class="hover" aria-hidden="true"></div>
   </div>
   <div class="row">
-    <button class="play" aria-label="Play" title="Play (space)">${icons.play}</button>
+    <button class="play" data-shows="play" aria-label="Play" title="Play (space)">${icons.play}${icons.pause}${icons.again}</button>
     <span class="time"><span class="now">0:00.0</span> <span class="of">/ <span class="end">0:00.0</span></span></span>
     <span class="space"></span>
     <button class="reset" aria-label="Show the whole scene" title="Show the whole scene (0)">${icons.home}</button>
@@ -141,5 +168,6 @@ export const html = `<canvas part="canvas" tabindex="0" role="application" aria-
 </div>
 <div class="message" role="alert" hidden><b></b><p></p><button>Try again</button></div>
 <div class="note" part="note" role="status" hidden></div>
+<div class="hint" aria-hidden="true"></div>
 <div class="drop"></div>
 <div class="said" role="status" aria-live="polite"></div>`;

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+import {inlined, startWorker} from 'l4dcodec';
 import {OrbitCamera} from './camera.js';
 import {Painter} from './painter.js';
 import {chooseSurface, GlSurface} from './surface.js';
@@ -39,8 +40,6 @@ export class View {
     this.surface = null;
     /** @type {string | null} why it is not the back end that was wanted */
     this.fallback = null;
-    this.sorter = options.worker?.() ?? new Worker(new URL('./sort-worker.js', import.meta.url), {type: 'module'});
-    this.sorter.onmessage = event => this.#receive(event.data);
     /** @type {(() => void)[]} */
     this.ends = [];
     this.wanted = 0;   // counts changes of time, camera and rows
@@ -59,12 +58,19 @@ export class View {
     /** @type {((bounds: any) => void)[]} */
     this.boundsWaiting = [];
     this.stats = {frames: 0, visible: 0, sortMs: 0, drawMs: 0, rows: 0};
+    /** Rows of each bucket. @type {Map<string, number>} */
+    this.rows = new Map();
     this.disposed = false;
     this.frameRequested = false;
     const {backend = 'webgl2'} = options;
+    // What cannot draw has no worker.
+    const surface = backend === 'webgl2' ? new GlSurface(canvas) : null;
+    this.sorter = options.worker?.() ?? startWorker(() => new Worker(new URL('./sort-worker.js', import.meta.url), {type: 'module'}),
+                                                    inlined.sortWorker, 'sort-worker.js', import.meta.url);
+    this.sorter.onmessage = event => this.#receive(event.data);
     /** When it is known what draws. @type {Promise<'webgl2' | 'webgpu'>} */
-    this.ready = backend === 'webgl2' ? Promise.resolve(this.#use(new GlSurface(canvas), null)) :
-      chooseSurface(canvas, backend).then(({surface, fallback}) => this.#use(surface, fallback));
+    this.ready = surface ? Promise.resolve(this.#use(surface, null)) :
+      chooseSurface(canvas, /** @type {'auto' | 'webgpu'} */ (backend)).then(({surface, fallback}) => this.#use(surface, fallback));
     this.ready.catch(() => {});
     this.observer = typeof ResizeObserver === 'function' ? new ResizeObserver(() => this.change()) : null;
     this.observer?.observe(canvas);
@@ -113,7 +119,7 @@ export class View {
     this.painter?.dispose();
     this.painter = null;
     this.movie = this.refilling = null;
-    this.stats.rows = 0;
+    this.#count(null);
     this.#clearOrder();
     for (const {wake} of this.waiting.splice(0)) wake();
   }
@@ -176,7 +182,8 @@ export class View {
   }
 
   #makePainter() {
-    if (!this.surface || !this.movie) return;
+    // A lost context has room for nothing; once it is back, this is called again.
+    if (!this.surface || !this.movie || this.surface.isLost) return;
     const {info, maxRows} = this.movie;
     this.painter = this.surface.makePainter({maxRows, shDegree: info.shDegree, target: this.options.target ?? 'auto',
                                              rendering: info.rendering});
@@ -196,7 +203,7 @@ export class View {
   #restored() {
     if (!this.movie) return;
     this.#clearOrder();
-    this.stats.rows = 0;
+    this.#count(null);
     this.#makePainter();
     this.movie.refresh();
   }
@@ -235,6 +242,7 @@ export class View {
     const lines = this.painter.store.add(rows);
     if (!lines) return this.movie?.emit('error', new Error('more Gaussians than the view has room for'));
     const {key, geometry, center, stream} = rows;
+    this.#count(key, rows.count);
     // Another view, or an adapter, may want them too.
     const isAlone = this.movie?.listeners.get('rows')?.size === 1;
     this.sorter.postMessage({type: 'add', key, geometry, lines, center, stream}, isAlone ? [geometry.buffer] : []);
@@ -244,8 +252,17 @@ export class View {
   /** @param {string} key */
   #remove(key) {
     this.painter?.store.remove(key);
+    this.#count(key);
     this.sorter.postMessage({type: 'remove', key});
     this.change();
+  }
+
+  /** @param {string | null} key of a bucket that has come or gone, null: all have gone @param {number} [count] */
+  #count(key, count = 0) {
+    if (key === null) this.rows.clear();
+    else if (count > 0) this.rows.set(key, count);
+    else this.rows.delete(key);
+    this.stats.rows = [...this.rows.values()].reduce((sum, n) => sum + n, 0);
   }
 
   #size() {
