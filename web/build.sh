@@ -58,9 +58,13 @@ for package in "${packages[@]}"; do
   mkdir -p "$out/$name"
   cp -r "web/$package/src" "web/$package/package.json" "$out/$name/"
   "$bin/tsc" -p "web/$package"
+  # Compilers from 5.4 on take them: types of WebGPU are not in their DOM, and arrays have no type of their buffer.
+  find "$out/$name/types" -name '*.d.ts' -exec sed -Ei 's/\bGPU[A-Z]\w*/any/g; s/(Array)<ArrayBuffer(Like)?>/\1/g' {} +
+  cp LICENSE "$out/$name/"
+  cp "web/$package/README.md" "$out/$name/"
 done
 cp "$wasm" "$out/l4dcodec/src/"
-cp web/view/player.d.ts "$out/l4dcodec-player/types/"
+cp web/view/player.d.ts web/view/react.d.ts "$out/l4dcodec-player/types/"
 
 # The player in four files, and a page that shows scene.l4d.
 player=$out/player.part
@@ -82,6 +86,17 @@ player=$out/player
 for file in player.js worker.js sort-worker.js; do
   echo "$file: $(wc -c <"$player/$file") bytes, $(gzip -9c "$player/$file" | wc -c) with gzip -9"
 done
+
+# All of it in one module, for pages of other origins and bundlers that leave files behind.
+single=$out/l4dcodec-player/dist
+mkdir -p "$single"
+for file in worker sort-worker; do
+  cp "$player/$file.js" "$single/$file.txt"
+done
+"${bundle[@]}" "--alias:inlined-worker=./$single/worker.txt" "--alias:inlined-sort-worker=./$single/sort-worker.txt" \
+  "--alias:inlined-wasm=./$wasm" --loader:.txt=text --loader:.wasm=binary web/view/single.js "--outfile=$single/l4d-player.js"
+rm "$single/worker.txt" "$single/sort-worker.txt"
+echo "l4d-player.js: $(wc -c <"$single/l4d-player.js") bytes, $(gzip -9c "$single/l4d-player.js" | wc -c) with gzip -9"
 
 # A page of the adapter, with three.js and Spark in it.
 [[ " ${packages[*]} " == *" spark "* ]] || exit 0

@@ -2,33 +2,40 @@
 // The types of the packages, as a program in TypeScript sees them.
 import assert from 'node:assert/strict';
 import {spawnSync} from 'node:child_process';
-import {mkdtempSync, rmSync, writeFileSync} from 'node:fs';
+import {mkdtempSync, rmSync, symlinkSync, writeFileSync} from 'node:fs';
 import {tmpdir} from 'node:os';
 import {join} from 'node:path';
 import {test} from 'node:test';
 
 const root = process.env.L4D_ROOT ?? new URL('../..', import.meta.url).pathname;
 
-/** What the compiler says of a program. @param {string} program */
-const complaints = program => {
+/** The oldest one that is promised, and the newest. */
+const compilers = ['typescript-5.4', 'typescript'];
+
+/** What a compiler says of a program. @param {string} program @param {string} [compiler] */
+const complaints = (program, compiler = 'typescript') => {
   const folder = mkdtempSync(join(tmpdir(), 'l4dtypes-'));
   try {
-    writeFileSync(join(folder, 'program.ts'), program);
+    writeFileSync(join(folder, 'program.tsx'), program);
+    symlinkSync(join(root, 'web/node_modules'), join(folder, 'node_modules'));
     const types = name => [join(root, 'build/web', name)];
     writeFileSync(join(folder, 'tsconfig.json'), JSON.stringify({
       compilerOptions: {
-        target: 'ES2022', module: 'ESNext', moduleResolution: 'bundler', lib: ['ES2023', 'DOM', 'DOM.Iterable'], types: [],
-        strict: true, noEmit: true, paths: {l4dcodec: types('l4dcodec'), 'l4dcodec-player': types('l4dcodec-player')}
+        target: 'ES2022', module: 'ESNext', moduleResolution: 'bundler', lib: ['ES2022', 'DOM', 'DOM.Iterable'], types: [], jsx: 'preserve',
+        strict: true, noEmit: true, paths: {
+          l4dcodec: types('l4dcodec'), 'l4dcodec-player': types('l4dcodec-player'),
+          'l4dcodec-player/react': types('l4dcodec-player/types/react.d.ts'), react: [join(root, 'web/node_modules/@types/react')]
+        }
       }
     }));
-    const {stdout} = spawnSync(join(root, 'web/node_modules/.bin/tsc'), ['-p', folder], {encoding: 'utf8'});
+    const {stdout} = spawnSync(process.execPath, [join(root, 'web/node_modules', compiler, 'bin/tsc'), '-p', folder], {encoding: 'utf8'});
     return stdout.trim();
   } finally {
     rmSync(folder, {recursive: true});
   }
 };
 
-test('documents know <l4d-player>, its properties and what they hold', () => {
+for (const compiler of compilers) test(`${compiler}: documents know <l4d-player>, its properties, events and attributes`, () => {
   assert.equal(complaints(`
     import {open, View} from 'l4dcodec-player';
     const player = document.querySelector('l4d-player')!;
@@ -40,8 +47,23 @@ test('documents know <l4d-player>, its properties and what they hold', () => {
     const loaded: Promise<void> = made.load(new Blob());
     const playback: 'once' | 'loop' | 'ping-pong' | null | undefined = player.movie?.info.presentation.playback;
     const show = async (view: View) => view.show(await open('scene.l4d'));
-    export {loaded, playback, played, seconds, show};
-  `), '');
-  assert.match(complaints("document.querySelector('l4d-player')!.loop = 'yes'; import 'l4dcodec-player'; export {};"),
+    player.addEventListener('open', ({detail}) => { const frames: number = detail.info.numFrames; void frames; });
+    player.addEventListener('error', event => { const code: string = event.detail.code; void code; });
+    player.addEventListener('playing', event => { const type: string = event.type; void type; });
+    player.options = {request: async ({url}) => ({url: url + '?signed'}), timeout: 3, bases: ['https://a.example/']};
+    const state: number = player.buffered.end(0) + player.readyState + (player.error?.code ?? 0);
+    const attributes: JSX.IntrinsicElements['l4d-player'] = {src: 'a.l4d', loading: 'lazy', 'max-rows': 5};
+    export {attributes, loaded, playback, played, seconds, show, state};
+  `, compiler), '');
+  assert.match(complaints("document.querySelector('l4d-player')!.loop = 'yes'; import 'l4dcodec-player'; export {};", compiler),
                /not assignable to type 'boolean'/);
+});
+
+test('React knows <l4d-player> and its attributes', () => {
+  const program = (/** @type {string} */ attributes) => `import type * as React from 'react';
+    import 'l4dcodec-player/react';
+    const element: React.JSX.Element = <l4d-player ${attributes} />;
+    export {element};`;
+  assert.equal(complaints(program('src="scene.l4d" loading="lazy"')), '');
+  assert.match(complaints(program('loading="late"')), /late/);
 });
