@@ -53,7 +53,7 @@ export const serve = async (streams, faults = {}, folder = 'build/web/player', h
     if (faults.delay) await sleep(faults.delay);
     if (faults.status || begin >= bytes.length) return response.writeHead(faults.status ?? 416).end();
     response.writeHead(part ? 206 : 200, {
-      'Content-Length': end - begin, ETag: etag, ...faults.headers,
+      'Content-Length': end - begin, ETag: etag, ...types[extname(name)] && {'Content-Type': types[extname(name)]}, ...faults.headers,
       ...part && {'Content-Range': `bytes ${begin}-${end - 1}/${bytes.length}`}
     });
     for (let at = begin; at < end; at += 16384) {
