@@ -45,7 +45,7 @@ echo "l4d.wasm: $(wc -c <"$wasm") bytes, $(gzip -9c "$wasm" | wc -c) with gzip -
 [[ ${1:-} != wasm ]] || exit 0
 
 bin=web/node_modules/.bin
-[[ -x $bin/tsc && -x $bin/esbuild ]] || skip "no packages of npm in web/node_modules"
+[[ -e web/node_modules/typescript/bin/tsc && -x $bin/esbuild ]] || skip "no packages of npm in web/node_modules"
 packages=(core view)
 if [[ -d web/node_modules/@sparkjsdev/spark && -d web/node_modules/three ]]; then
   packages+=(spark)
@@ -57,7 +57,7 @@ for package in "${packages[@]}"; do
   rm -rf "${out:?}/$name"
   mkdir -p "$out/$name"
   cp -r "web/$package/src" "web/$package/package.json" "$out/$name/"
-  "$bin/tsc" -p "web/$package"
+  node web/node_modules/typescript/bin/tsc -p "web/$package"
   # Compilers from 5.4 on take them: types of WebGPU are not in their DOM, and arrays have no type of their buffer.
   find "$out/$name/types" -name '*.d.ts' -exec sed -Ei 's/\bGPU[A-Z]\w*/any/g; s/(Array)<ArrayBuffer(Like)?>/\1/g' {} +
   cp LICENSE "$out/$name/"
