@@ -8,7 +8,6 @@
 namespace l4d::eval {
 namespace {
 
-constexpr size_t kMaxTrials = 16;
 // Qualities closer than this are one for all purposes: sizes are within half a per cent.
 constexpr double kFinest = 0.05;
 // Errors are small enough at this share of the bound: they may be zero, which has no logarithm, and
@@ -103,7 +102,7 @@ QualitySearch search_quality(const Goal& goal, const QualityRange& range,
       search.high = high->quality;
       return search;
     }
-    if (search.trials.size() == kMaxTrials) {
+    if (search.trials.size() == goal.most_trials) {
       search.obstacle = QualitySearch::Obstacle::kTooManyTrials;
       return search;
     }

@@ -14,6 +14,7 @@ struct Goal {
   bool logarithm = false;  // whether the figure's logarithm is about linear in the quality
   double slope = 1;        // of figure or logarithm over quality, about; positive
   double tolerance = 0;    // in figure or logarithm: how far from the bound is near enough
+  size_t most_trials = 16;
 
   bool met(double figure) const { return at_most ? figure <= requested : figure >= requested; }
 };

@@ -18,6 +18,7 @@ constexpr double kLossTolerance = 0.1;
 Goal goal_of(const Target& target) {
   Goal goal;
   goal.requested = target.requested;
+  goal.most_trials = target.most_trials;
   switch (target.kind) {
     case Target::Kind::kSize:
     case Target::Kind::kBitrate:
@@ -28,7 +29,7 @@ Goal goal_of(const Target& target) {
       break;
     case Target::Kind::kFidelity:
       goal.rises = true;
-      goal.tolerance = kFidelityTolerance;
+      goal.tolerance = target.tolerance > 0 ? target.tolerance : kFidelityTolerance;
       break;
     case Target::Kind::kPsnrLoss:
       // Squared errors, while they are small against those of the scene itself.

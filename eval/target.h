@@ -16,6 +16,8 @@ struct Target {
   Kind kind = Kind::kSize;
   double requested = 0;   // bytes, bytes per second, dB, dB, unit of the error; positive
   std::string attribute;  // of a largest error: one of error_names()
+  double tolerance = 0;   // dB of fidelity above what is requested that are near enough; 0 = 0.1
+  size_t most_trials = 16;
 
   bool needs_views() const { return kind == Kind::kFidelity || kind == Kind::kPsnrLoss; }
 };

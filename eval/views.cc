@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "eval/motion.h"
 #include "libl4dcodec/scene/slice.h"
@@ -26,6 +27,32 @@ CameraViews spread_views(CameraViews all, size_t most) {
                    [](const io::View& x, const io::View& y) { return x.time < y.time; });
   views = std::move(chosen);
   return all;
+}
+
+DealtViews deal_views(const CameraViews& all, size_t least) {
+  std::vector<std::vector<io::View>> instants;
+  std::vector<io::View> views = all.views;
+  std::stable_sort(views.begin(), views.end(),
+                   [](const io::View& x, const io::View& y) { return x.time < y.time; });
+  for (const io::View& view : views) {
+    if (instants.empty() || instants.back().front().time != view.time) instants.emplace_back();
+    instants.back().push_back(view);
+  }
+  const size_t each = least / std::max<size_t>(1, instants.size());
+  DealtViews dealt{{all.set, {}}, {all.set, {}}};
+  for (size_t k = 0; k < instants.size(); ++k) {
+    const std::vector<io::View>& of = instants[k];
+    // Strides near the golden section: neighbours are far apart, in an instant and among instants.
+    size_t stride = std::max<size_t>(1, of.size() * 5 / 8);
+    while (std::gcd(stride, of.size()) != 1) ++stride;
+    const size_t fit = std::clamp<size_t>(each, 1, of.size());
+    const size_t check = fit >= 4 ? fit / 4 : (k % 2 == 0 ? 1 : 0);
+    for (size_t n = 0; n < std::min(fit + check, of.size()); ++n) {
+      (n < fit ? dealt.fit : dealt.check).views.push_back(of[(7 * k + n * stride) % of.size()]);
+    }
+  }
+  if (dealt.check.views.empty()) dealt.check = dealt.fit;
+  return dealt;
 }
 
 namespace {

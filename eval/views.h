@@ -20,6 +20,16 @@ struct CameraViews {
 // At most `most` of the views, spread evenly over cameras and time.
 CameraViews spread_views(CameraViews views, size_t most);
 
+// Views for a fit, and others to judge the fit by.
+struct DealtViews {
+  CameraViews fit;
+  CameraViews check;  // those of the fit where there are no others
+};
+// Deals at least one view of every instant to the fit, since a view tells nothing about Gaussians
+// of other instants, and more of each instant until there are about `least`; a quarter as many
+// others to the check. Cameras take turns.
+DealtViews deal_views(const CameraViews& views, size_t least);
+
 // The middle of the sequence: where orbits are laid out.
 double middle_of(const l4d_timeline& timeline);
 // The scene at an instant, as far as an orbit needs it: positions, opacities with their falloff,
