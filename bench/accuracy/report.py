@@ -53,6 +53,10 @@ degree 3) over the bytes of the file. Weights are Gauss-Newton weights, measured
 from the training views, unless a table says otherwise. Fidelity is over all cameras: at every 15th
 frame in the third section, at four instants in the others. Seconds of encoding are CPU seconds of
 all threads, which other work on the machine disturbs little.
+
+Nothing here is refitted: the tool has these figures with `encode --refit 0`. By default it prunes, fits
+opacities and checks the fidelity by rendering if it measures the weights; [decision
+0022](decisions/0022-prune-refit-check.md) has the figures of that.
 """
 ABLATIONS_INTRODUCTION = """\
 # Ablations

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -16,6 +17,7 @@
 #include "cli/verbs/encode_live.h"
 #include "cli/verbs/encode_parameters.h"
 #include "cli/verbs/importance.h"
+#include "cli/verbs/refit.h"
 #include "cli/verbs/target.h"
 #include "eval/encoding.h"
 #include "eval/min_sizes.h"
@@ -36,6 +38,7 @@ struct EncodeArguments {
   MeasureArguments measure;
   std::string save_weights;
   bool no_prune = false;
+  std::string refit;  // "" = where the views are all there are
   std::string order;
   uint64_t seed = 0;
   bool verify = false;
@@ -49,12 +52,29 @@ struct EncodeArguments {
 
   // With weights of a file, cameras say only how small a Gaussian can look, and serve a target.
   bool measures() const { return cameras.given() && weights.empty(); }
+  // Whether the views are all that the scene is made for.
+  bool has_all_views() const {
+    return cameras.orbit == 0 && cameras.frames.empty() && cameras.ids.empty();
+  }
   // Of --live: more than one scene that is there.
   bool has_pieces() const {
     std::error_code error;
     return inputs.size() > 1 || std::filesystem::is_directory(input, error);
   }
 };
+
+// Why opacities are not fitted with these options; "" = they can be.
+std::string refit_obstacle(const EncodeArguments& arguments, bool has_target) {
+  const EncodeParameters& parameters = arguments.parameters;
+  if (!arguments.measures()) return "needs --cameras or --orbit, without --weights";
+  if (has_target) return "excludes targets";
+  if (arguments.no_prune || !parameters.prune_weight.empty() || parameters.sets("prune-weight") ||
+      parameters.sets("prune-cost") || parameters.sets("weight-views")) {
+    return "excludes --no-prune and other parameters of pruning";
+  }
+  if (arguments.measure.metric != MeasureArguments::kDefault) return "needs --metric gauss-newton";
+  return "";
+}
 
 // Finds the errors in options of weights that need no input file.
 void check_importance(const EncodeArguments& arguments, const std::optional<eval::Target>& target) {
@@ -72,6 +92,10 @@ void check_importance(const EncodeArguments& arguments, const std::optional<eval
   }
   if (!measures && !arguments.save_weights.empty()) {
     throw usage_error("--save-weights needs --cameras");
+  }
+  if (const std::string obstacle = refit_obstacle(arguments, target.has_value());
+      !arguments.refit.empty() && arguments.refit != "0" && !obstacle.empty()) {
+    throw usage_error("--refit " + obstacle);
   }
   if (!measures && arguments.weights.empty() && arguments.no_prune) {
     throw usage_error("--no-prune needs --weights or --cameras");
@@ -94,8 +118,7 @@ void tell_pruning(Context& context, const EncodeArguments& arguments,
     set(L4D_ENC_PRUNE_COST, 0);
   }
   if (!arguments.measures()) return;
-  const CameraArguments& cameras = arguments.cameras;
-  const bool all = cameras.orbit == 0 && cameras.frames.empty() && cameras.ids.empty();
+  const bool all = arguments.has_all_views();
   set(L4D_ENC_WEIGHT_VIEWS, all ? L4D_WEIGHT_VIEWS_ALL : L4D_WEIGHT_VIEWS_SOME);
   if (arguments.no_prune || eval::get_parameter(encoder, L4D_ENC_PRUNE_WEIGHT) >= 0) return;
   const bool lossless = eval::get_parameter(encoder, L4D_ENC_LOSSLESS) != 0;
@@ -105,17 +128,26 @@ void tell_pruning(Context& context, const EncodeArguments& arguments,
                "; --prune-weight 0 drops it");
 }
 
-Importance measure(Context& context, const EncodeArguments& arguments, const Input& input,
-                   const io::Scene& scene) {
-  const eval::CameraViews views =
-      choose_views(context, arguments.cameras, "train", scene.timeline,
-                   [&] { return eval::instant_of(scene, eval::middle_of(scene.timeline)); });
-  return about(input.name(), [&] {
-    MeasureArguments how = arguments.measure;
+// The views that importance is measured from, and how.
+struct Measuring {
+  eval::CameraViews views;
+  MeasureArguments how;
+
+  Measuring(Context& context, const EncodeArguments& arguments, const io::Scene& scene)
+      : views(
+            choose_views(context, arguments.cameras, "train", scene.timeline,
+                         [&] { return eval::instant_of(scene, eval::middle_of(scene.timeline)); })),
+        how(arguments.measure) {
     how.seed = arguments.seed;
     // The thresholds of these presets are in units of sums.
     if (arguments.parameters.preset.rfind("paper-", 0) == 0) how.metric = "sum";
-    return measure_importance(context, "encode", scene, views, how);
+  }
+};
+
+Importance measure(Context& context, const Input& input, const io::Scene& scene,
+                   const Measuring& measuring) {
+  return about(input.name(), [&] {
+    return measure_importance(context, "encode", scene, measuring.views, measuring.how);
   });
 }
 
@@ -248,7 +280,8 @@ LoadedScene load(Context& context, const EncodeArguments& arguments, const Input
 void help_to_measure(Context& context, const EncodeArguments& arguments) {
   const Input input(context, arguments.input);
   if (!arguments.measures()) return;
-  measure(context, arguments, input, load(context, arguments, input).scene);
+  const LoadedScene loaded = load(context, arguments, input);
+  measure(context, input, loaded.scene, Measuring(context, arguments, loaded.scene));
 }
 
 // The files that a command writes.
@@ -307,11 +340,47 @@ void set_parameters(Context& context, const EncodeArguments& arguments, bool has
   }
 }
 
+constexpr uint32_t kRefitPasses = 4;
+
+// Bounds of colours follow a quality below that of the preset. A refit changes the quality, and the
+// bounds stay those of the fidelity aimed at.
+void keep_color_bounds(const EncodeArguments& arguments, const EncoderHandle& encoder,
+                       double fidelity) {
+  const EncoderHandle fresh;
+  fresh.check(l4d_encoder_set_preset(fresh.get(), arguments.parameters.preset.c_str()));
+  const double below = eval::get_parameter(fresh, L4D_ENC_QUALITY) - fidelity;
+  const double factor = std::pow(10.0, std::max(0.0, below) / 20);
+  for (const auto& [id, name] :
+       {std::pair(L4D_ENC_MAX_BASE_COLOR_ERROR, "max-base-color-error"),
+        std::pair(L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR, "max-directional-color-error")}) {
+    if (arguments.parameters.sets(name)) continue;
+    encoder.check(l4d_encoder_set(encoder.get(), id, L4D_ALL_COMPONENTS,
+                                  factor * eval::get_parameter(encoder, id)));
+  }
+}
+
+// Passes of the fit of opacities, 0 = none: by default where the encoder would otherwise drop
+// Gaussians by what they cost.
+uint32_t refit_passes(const EncodeArguments& arguments, bool has_target,
+                      const EncoderHandle& encoder) {
+  if (arguments.refit == "0" || !refit_obstacle(arguments, has_target).empty()) return 0;
+  const bool can = eval::has_quality(encoder) &&
+                   eval::get_parameter(encoder, L4D_ENC_PRUNE_COST) > 0 &&
+                   eval::get_parameter(encoder, L4D_ENC_PRUNE_WEIGHT) < 0;
+  if (arguments.refit.empty()) return can && arguments.has_all_views() ? kRefitPasses : 0;
+  if (!can) {
+    throw usage_error("--refit: the preset '" + arguments.parameters.preset +
+                      "' with what is set prunes nothing by a quality");
+  }
+  return static_cast<uint32_t>(parse_size(arguments.refit, "--refit"));
+}
+
 // Gives the encoder the weights of a file or of views. Returns what was measured.
 std::optional<Importance> set_weights(Context& context, const EncodeArguments& arguments,
                                       const Input& input, const io::Scene& scene,
-                                      const EncoderHandle& encoder, std::optional<Output>& saved,
-                                      EncoderWeights& weights) {
+                                      const EncoderHandle& encoder,
+                                      const std::optional<Measuring>& measuring,
+                                      std::optional<Output>& saved, EncoderWeights& weights) {
   if (!arguments.weights.empty()) {
     weights.set(
         encoder, arguments.weights,
@@ -319,14 +388,21 @@ std::optional<Importance> set_weights(Context& context, const EncodeArguments& a
               [&] { return io::read_weights_ply(arguments.weights, context.budget().holder()); }),
         scene.count());
   }
-  if (!arguments.measures()) return std::nullopt;
-  Importance importance = measure(context, arguments, input, scene);
+  if (!measuring) return std::nullopt;
+  Importance importance = measure(context, input, scene, *measuring);
   if (saved) {
     io::write_weights_ply(saved->path(), importance.weights);
     saved->finish();
   }
   weights.set(encoder, "measured weights", std::move(importance.weights), scene.count());
   return importance;
+}
+
+std::optional<Measuring> choose_measuring(Context& context, const EncodeArguments& arguments,
+                                          const io::Scene& scene) {
+  std::optional<Measuring> measuring;
+  if (arguments.measures()) measuring.emplace(context, arguments, scene);
+  return measuring;
 }
 
 // Encodes in one go: into memory where the output is not to be renamed over.
@@ -346,6 +422,7 @@ eval::Encoding encode_once(Context& context, const EncoderHandle& encoder, const
 struct Encoded {
   const eval::Encoding& encoding;
   const std::optional<Importance>& importance;
+  const std::optional<Refit>& refit;
   const std::optional<TargetReached>& reached;
   double read_seconds, total_seconds;
 };
@@ -359,14 +436,16 @@ Outcome describe(const EncodeArguments& arguments, const Input& input, const io:
                   {"output", name},
                   {"preset", arguments.parameters.preset}};
   add_report(encoded.encoding.report, name, encoded.total_seconds, &outcome);
-  const auto& [encoding, importance, reached, read_seconds, total_seconds] = encoded;
+  const auto& [encoding, importance, refit, reached, read_seconds, total_seconds] = encoded;
   Json& stages = outcome.json["steps"] = {{"read", read_seconds}};
   if (importance) stages["sensitivity"] = importance->seconds;
+  if (refit) stages["refit"] = refit->seconds();
   if (reached) stages["search"] = reached->seconds;
   for (const auto& [stage, seconds] : encoding.stages) stages[stage] = seconds;
   if (eval::has_quality(encoder)) {
-    outcome.json["quality"] =
-        reached ? reached->search.result().quality : eval::get_parameter(encoder, L4D_ENC_QUALITY);
+    outcome.json["quality"] = reached ? reached->search.result().quality
+                              : refit ? refit->fidelity()
+                                      : eval::get_parameter(encoder, L4D_ENC_QUALITY);
   }
   if (reached) {
     outcome.json["target"] = reached->json();
@@ -376,6 +455,10 @@ Outcome describe(const EncodeArguments& arguments, const Input& input, const io:
   if (importance) {
     outcome.json["sensitivity"] = importance->json();
     outcome.text += importance->text();
+  }
+  if (refit) {
+    outcome.json["refit"] = refit->json();
+    outcome.text += refit->text();
   }
   return outcome;
 }
@@ -398,8 +481,8 @@ void check_live(Context& context, const EncodeArguments& arguments, bool has_tar
     return;
   }
   if (has_target || !arguments.order.empty() || arguments.verify ||
-      !arguments.save_weights.empty()) {
-    throw usage_error("--live excludes targets, --order, --verify and --save-weights");
+      !arguments.save_weights.empty() || !arguments.refit.empty()) {
+    throw usage_error("--live excludes targets, --order, --refit, --verify and --save-weights");
   }
   if (context.group().count() > 1) throw usage_error("--live is not for several ranks");
   if (!arguments.weights.empty() && arguments.has_pieces()) {
@@ -410,15 +493,18 @@ void check_live(Context& context, const EncodeArguments& arguments, bool has_tar
 }
 
 // Gives the encoder a scene and what the cameras say of it. sizes: borrowed by the encoder.
+// opacity: in place of the scene's, borrowed likewise; null = the scene's.
 void set_scene(Context& context, const EncodeArguments& arguments, const io::Scene& scene,
-               const EncoderHandle& encoder, std::vector<float>* sizes) {
-  const l4d_gaussians view = scene.view();
+               const EncoderHandle& encoder, std::vector<float>* sizes,
+               const float* opacity = nullptr) {
+  l4d_gaussians view = scene.view();
+  if (opacity != nullptr) view.opacity = opacity;
   encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
   encoder.check(l4d_encoder_set_rendering(encoder.get(), &scene.rendering));
   encoder.check(l4d_encoder_set_presentation(encoder.get(), &scene.presentation));
   // Cameras that are made up say nothing of where the scene will be seen from.
   if (const io::CameraSet* cameras = arguments.cameras.load(context)) {
-    *sizes = eval::min_sizes(scene, *cameras, context.options.threads);
+    if (sizes->empty()) *sizes = eval::min_sizes(scene, *cameras, context.options.threads);
     encoder.check(l4d_encoder_set_min_sizes(encoder.get(), sizes->data(), sizes->size()));
   }
 }
@@ -444,7 +530,8 @@ Outcome run_live(Context& context, const EncodeArguments& arguments) {
     about(piece.name(), [&] { set_scene(context, arguments, loaded.scene, encoder, &sizes); });
     std::optional<Output> unused;
     EncoderWeights weights;
-    set_weights(context, arguments, piece, loaded.scene, encoder, unused, weights);
+    set_weights(context, arguments, piece, loaded.scene, encoder,
+                choose_measuring(context, arguments, loaded.scene), unused, weights);
     use(loaded.scene);
   };
   Outcome outcome = encode_live(context, arguments.live, arguments.inputs, name, {encoder, read});
@@ -467,14 +554,31 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   // Parameters before the scene: a wrong one should not cost the time of reading.
   const EncoderHandle encoder = make_encoder(context, arguments);
   set_parameters(context, arguments, target.has_value(), encoder);
+  const uint32_t passes = refit_passes(arguments, target.has_value(), encoder);
   const LoadedScene loaded = load(context, arguments, input);
   const io::Scene& scene = loaded.scene;
   std::vector<float> sizes;
   about(input.name(), [&] { set_scene(context, arguments, scene, encoder, &sizes); });
   const double read_seconds = watch.seconds();
   EncoderWeights weights;
+  const std::optional<Measuring> measuring = choose_measuring(context, arguments, scene);
   const std::optional<Importance> importance =
-      set_weights(context, arguments, input, scene, encoder, outputs.weights, weights);
+      set_weights(context, arguments, input, scene, encoder, measuring, outputs.weights, weights);
+  std::optional<Refit> refit;
+  if (passes > 0) {
+    const double fidelity = eval::get_parameter(encoder, L4D_ENC_QUALITY);
+    refit.emplace(context, input.name(),
+                  RefitInput{scene, measuring->views, measuring->how, fidelity, passes,
+                             arguments.has_all_views()},
+                  weights.get());
+    about(input.name(),
+          [&] { set_scene(context, arguments, scene, encoder, &sizes, refit->opacity().data()); });
+    weights.set(encoder, "measured weights", refit->weights(), scene.count());
+    keep_color_bounds(arguments, encoder, fidelity);
+    for (const l4d_encoder_parameter id : {L4D_ENC_PRUNE_WEIGHT, L4D_ENC_PRUNE_COST}) {
+      encoder.check(l4d_encoder_set(encoder.get(), id, L4D_ALL_COMPONENTS, 0));
+    }
+  }
   eval::Encoding encoding;
   std::optional<TargetReached> reached;
   if (target) {
@@ -482,6 +586,8 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
       return encode_to_target(context, *target, encoder, input.name(), scene, arguments.cameras,
                               &encoding);
     });
+  } else if (refit) {
+    about(input.name(), [&] { refit->encode(encoder, &encoding); });
   } else {
     encoding =
         encode_once(context, encoder, input, outputs.stream, outputs.order || arguments.verify);
@@ -490,7 +596,7 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   arguments.parameters.note_unused(context, info_of(encoding, outputs.stream));
   if (outputs.order) eval::write_order(outputs.order->path(), encoding.order);
   Outcome outcome = describe(arguments, input, scene, encoder, outputs.name,
-                             {encoding, importance, reached, read_seconds, watch.seconds()});
+                             {encoding, importance, refit, reached, read_seconds, watch.seconds()});
   outcome.stdout_is_data = outputs.stream.is_stdout();
   if (arguments.verify) {
     add_verification(context, scene, outputs.stream.path(), encoding, &outcome);
@@ -498,6 +604,17 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   outputs.stream.finish();
   if (outputs.order) outputs.order->finish();
   return outcome;
+}
+
+void add_refit_option(Verb* verb, std::string& passes) {
+  verb->add_option(
+          "--refit", passes,
+          "After pruning, fit the opacities of the Gaussians that stay so that renders match the "
+          "scene's, in so many passes over views; prune and code as far as the fidelity aimed at "
+          "allows, as renders show it. 0: prune by weights alone and render nothing. Default: 4, "
+          "and 0 where views were chosen by --frames or --ids or made up")
+      ->type_name("PASSES")
+      ->whole_number(0, 64);
 }
 
 }  // namespace
@@ -535,6 +652,7 @@ void add_encode(Registry& registry) {
       "Keep Gaussians that show in no view, and those that cost more bits than they show, "
       "whatever the preset says. With --cameras both are dropped otherwise, unless views were "
       "chosen by --frames or --ids or made up");
+  add_refit_option(verb, arguments->refit);
   verb->add_option("--seed", arguments->seed, "Equal seeds give equal files on one machine")
       ->type_name("N")
       ->whole_number(0)

@@ -19,7 +19,8 @@ struct MeasureArguments {
   std::string max_share;
   std::string metric = kDefault;
   std::string visibility = "few";
-  uint64_t seed = 0;  // of the random signs of gauss-newton
+  uint64_t seed = 0;   // of the random signs of gauss-newton
+  bool alone = false;  // without the other ranks, if there are any
 
   void add_options(Verb* verb);
   bool given() const;  // whether any option was
@@ -58,6 +59,7 @@ class EncoderWeights {
   // `name` stands for the weights in messages.
   void set(const EncoderHandle& encoder, const std::string& name, io::Weights weights,
            size_t num_gaussians);
+  const io::Weights& get() const { return weights_; }
 
  private:
   io::Weights weights_;

@@ -31,7 +31,7 @@ Importance measure_importance(Context& context, const std::string& verb, const i
                               const eval::CameraViews& all, const MeasureArguments& arguments) {
   const Stopwatch watch;
   l4d_measure_options options = options_of(arguments);
-  options.group = context.group().handle();
+  options.group = arguments.alone ? nullptr : context.group().handle();
   std::vector<l4d_camera> cameras;
   for (const io::Camera& camera : all.set.cameras) cameras.push_back(camera.camera);
   std::vector<l4d_view> views;

@@ -4,6 +4,7 @@
 #include "cli/common.h"
 #include "cli/verbs/compare_renders.h"
 #include "cli/verbs/importance.h"
+#include "cli/verbs/refit.h"
 #include "cli/verbs/view_meter.h"
 
 namespace l4d::cli {
@@ -13,6 +14,24 @@ Importance measure_importance(Context&, const std::string& verb, const io::Scene
   require_renderer(verb);
   return {};
 }
+
+struct Refit::Parts {
+  std::vector<float> opacity;
+  io::Weights weights;
+};
+
+Refit::Refit(Context&, const std::string&, const RefitInput&, const io::Weights&) {
+  require_renderer("--refit");
+}
+
+Refit::~Refit() = default;
+const std::vector<float>& Refit::opacity() const { return parts_->opacity; }
+const io::Weights& Refit::weights() const { return parts_->weights; }
+void Refit::encode(const EncoderHandle&, eval::Encoding*) {}
+double Refit::fidelity() const { return 0; }
+double Refit::seconds() const { return 0; }
+Json Refit::json() const { return {}; }
+std::string Refit::text() const { return ""; }
 
 RendersCompared compare_renders(Context&, const Input&, const Input&, const ImportArguments&,
                                 const CameraArguments&, const RenderOptions&,

@@ -90,6 +90,15 @@ misuse encode s.ply -o s.l4d --all-views
 misuse encode s.ply -o s.l4d --no-prune
 misuse encode s.ply -o s.l4d --orbit 2 --weights w.ply
 misuse encode s.ply -o s.l4d --orbit 2 --no-prune --prune-weight 0
+misuse encode s.ply -o s.l4d --refit 4
+misuse encode s.ply -o s.l4d --orbit 2 --refit 65
+misuse encode s.ply -o s.l4d --orbit 2 --refit 4 --weights w.ply
+misuse encode s.ply -o s.l4d --orbit 2 --refit 4 --no-prune
+misuse encode s.ply -o s.l4d --orbit 2 --refit 4 --prune-weight 0
+misuse encode s.ply -o s.l4d --orbit 2 --refit 4 --set prune-cost=0.1
+misuse encode s.ply -o s.l4d --orbit 2 --refit 4 --metric sum
+misuse encode s.ply -o s.l4d --orbit 2 --refit 4 --target-size 1MB
+misuse encode s.ply -o s.l4d --orbit 2 --refit 4 --live
 misuse compare s.ply s.ply --images
 misuse compare s.ply s.ply --orbit 2 --images
 misuse compare s.ply s.ply --min-fidelity 30

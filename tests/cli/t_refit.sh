@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# encode --refit: pruning, the fit of opacities, and the fidelity that a preset states.
+make_scene s.ply 3000
+make_cameras c.json
+
+# By default where the cameras are all there are, with the same bits for any number of threads.
+expect_document 0 encode s.ply --cameras c.json --quality 36 -o d.l4d --threads 1
+expect_json out 'd["refit"]["views"] >= 60 and d["quality"] == 36 and "target" not in d'
+expect_json out 'd["refit"]["reached"] >= 36 and d["pruned"] > 0'
+expect_json out 'd["refit"]["thresholds"][d["refit"]["chosen"]]["passes"] == 4'
+expect_json out 'd["steps"]["refit"] == d["refit"]["seconds"] < d["total_s"]'
+coded=$(json out 'd["coded_gaussians"]')
+expect 0 encode s.ply --cameras c.json --quality 36 -o again.l4d --threads 3 --refit 4
+cmp d.l4d again.l4d
+expect_text out 'opacities fitted in 4 passes over'
+expect 0 validate d.l4d
+# In all views the fidelity is what it was in those of the check, about.
+expect_document 0 compare s.ply d.l4d --cameras c.json --split train
+expect_json out 'd["fidelity_db"] > 35.5'
+# An order names rows of the input, and --verify compares with it.
+expect_document 0 encode s.ply --cameras c.json --quality 36 -o o.l4d --order o.order --verify
+expect_json out "d['verify']['matched'] == $coded == d['coded_gaussians'] == 3000 - d['pruned']"
+expect_json out 'd["verify"]["attributes"]["opacity"]["max"] > 0.01'
+
+# --refit 0 is what the weights alone give.
+expect_document 0 encode s.ply --cameras c.json --quality 36 --refit 0 -o none.l4d --save-weights w.ply
+expect_json out '"refit" not in d and d["quality"] == 36'
+expect 0 encode s.ply --cameras c.json --weights w.ply --set weight-views=1 --quality 36 -o file.l4d
+cmp none.l4d file.l4d
+if cmp -s none.l4d d.l4d; then die "the refit does nothing"; fi
+
+# Targets, and presets that prune nothing by a quality, are as before.
+expect_document 0 encode s.ply --cameras c.json --target-size 60KB -o size.l4d
+expect_json out '"refit" not in d'
+expect_document 0 encode s.ply --cameras c.json --preset lossless -o lossless.l4d
+expect_json out '"refit" not in d and d["pruned"] == 0'
+expect 2 encode s.ply --cameras c.json --preset lossless --refit 4 -o x.l4d
+
+# Views that are made up or some of all drop nothing unless it is requested, and then only what they show.
+expect_document 0 encode s.ply --orbit 4 --size 64x48 --quality 36 -o orbit.l4d
+expect_json out 'd["pruned"] == 0 and "refit" not in d'
+expect_document 0 encode s.ply --orbit 4 --size 64x48 --quality 36 --refit 1 -o orbit1.l4d
+expect_json out 'd["pruned"] > 0 and d["coded_gaussians"] >= d["sensitivity"]["unseen"] > 0'
+expect_json out 'd["refit"]["thresholds"][d["refit"]["chosen"]]["passes"] == 1'
