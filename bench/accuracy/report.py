@@ -54,9 +54,9 @@ from the training views, unless a table says otherwise. Fidelity is over all cam
 frame in the third section, at four instants in the others. Seconds of encoding are CPU seconds of
 all threads, which other work on the machine disturbs little.
 
-Nothing here is refitted: the tool has these figures with `encode --refit 0`. By default it prunes, fits
-opacities and checks the fidelity by rendering if it measures the weights; [decision
-0022](decisions/0022-prune-refit-check.md) has the figures of that.
+Nothing here is refitted: the tool has these figures with `encode --refit 0`. By default it does more
+only if renders of the stream miss the fidelity by more than 0.5 dB; [decision
+23](decisions/0023-prune-refit-check.md) has the figures of that.
 """
 ABLATIONS_INTRODUCTION = """\
 # Ablations

@@ -341,6 +341,8 @@ void set_parameters(Context& context, const EncodeArguments& arguments, bool has
 }
 
 constexpr uint32_t kRefitPasses = 4;
+// Less than the fidelity aimed at, in dB, that is made up for by a refit unless one is requested.
+constexpr double kMissed = 0.5;
 
 // Bounds of colours follow a quality below that of the preset. A refit changes the quality, and the
 // bounds stay those of the fidelity aimed at.
@@ -405,13 +407,12 @@ std::optional<Measuring> choose_measuring(Context& context, const EncodeArgument
   return measuring;
 }
 
-// Encodes in one go: into memory where the output is not to be renamed over.
+// path: "" = into memory.
 eval::Encoding encode_once(Context& context, const EncoderHandle& encoder, const Input& input,
-                           const Output& output, bool wants_order) {
+                           const std::string& path, bool wants_order) {
   Progress progress(context, "encode");
   try {
-    return eval::encode_scene(progress, encoder, output.is_special() ? "" : output.path(),
-                              wants_order);
+    return eval::encode_scene(progress, encoder, path, wants_order);
   } catch (const Error& error) {
     // What fails about files is about the output, which the message names.
     throw current_failure(error.status() == L4D_ERR_IO ? "" : input.name());
@@ -422,6 +423,7 @@ eval::Encoding encode_once(Context& context, const EncoderHandle& encoder, const
 struct Encoded {
   const eval::Encoding& encoding;
   const std::optional<Importance>& importance;
+  const std::optional<CheckedStream>& checked;
   const std::optional<Refit>& refit;
   const std::optional<TargetReached>& reached;
   double read_seconds, total_seconds;
@@ -436,7 +438,8 @@ Outcome describe(const EncodeArguments& arguments, const Input& input, const io:
                   {"output", name},
                   {"preset", arguments.parameters.preset}};
   add_report(encoded.encoding.report, name, encoded.total_seconds, &outcome);
-  const auto& [encoding, importance, refit, reached, read_seconds, total_seconds] = encoded;
+  const auto& [encoding, importance, checked, refit, reached, read_seconds, total_seconds] =
+      encoded;
   Json& stages = outcome.json["steps"] = {{"read", read_seconds}};
   if (importance) stages["sensitivity"] = importance->seconds;
   if (refit) stages["refit"] = refit->seconds();
@@ -455,6 +458,11 @@ Outcome describe(const EncodeArguments& arguments, const Input& input, const io:
   if (importance) {
     outcome.json["sensitivity"] = importance->json();
     outcome.text += importance->text();
+  }
+  if (checked) {
+    outcome.json["checked"] = {{"views", checked->views}, {"fidelity", checked->fidelity}};
+    outcome.text += format("pruned by weights alone: %.2f dB in %llu views\n", checked->fidelity,
+                           static_cast<unsigned long long>(checked->views));
   }
   if (refit) {
     outcome.json["refit"] = refit->json();
@@ -564,9 +572,16 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   const std::optional<Measuring> measuring = choose_measuring(context, arguments, scene);
   const std::optional<Importance> importance =
       set_weights(context, arguments, input, scene, encoder, measuring, outputs.weights, weights);
+  eval::Encoding encoding;
+  std::optional<CheckedStream> checked;
+  const double fidelity = passes > 0 ? eval::get_parameter(encoder, L4D_ENC_QUALITY) : 0;
+  const bool wants_order = outputs.order || arguments.verify;
+  if (passes > 0 && arguments.refit.empty()) {
+    encoding = encode_once(context, encoder, input, "", wants_order);
+    checked = check_stream(context, input.name(), scene, measuring->views, encoding.stream);
+  }
   std::optional<Refit> refit;
-  if (passes > 0) {
-    const double fidelity = eval::get_parameter(encoder, L4D_ENC_QUALITY);
+  if (passes > 0 && !(checked && checked->fidelity >= fidelity - kMissed)) {
     refit.emplace(context, input.name(),
                   RefitInput{scene, measuring->views, measuring->how, fidelity, passes,
                              arguments.has_all_views()},
@@ -579,7 +594,6 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
       encoder.check(l4d_encoder_set(encoder.get(), id, L4D_ALL_COMPONENTS, 0));
     }
   }
-  eval::Encoding encoding;
   std::optional<TargetReached> reached;
   if (target) {
     reached = about(input.name(), [&] {
@@ -588,15 +602,17 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
     });
   } else if (refit) {
     about(input.name(), [&] { refit->encode(encoder, &encoding); });
-  } else {
-    encoding =
-        encode_once(context, encoder, input, outputs.stream, outputs.order || arguments.verify);
+  } else if (!checked) {
+    // Into memory where the output is not to be renamed over.
+    encoding = encode_once(context, encoder, input,
+                           outputs.stream.is_special() ? "" : outputs.stream.path(), wants_order);
   }
   if (!encoding.stream.empty()) write_stream(outputs.stream.path(), encoding.stream);
   arguments.parameters.note_unused(context, info_of(encoding, outputs.stream));
   if (outputs.order) eval::write_order(outputs.order->path(), encoding.order);
-  Outcome outcome = describe(arguments, input, scene, encoder, outputs.name,
-                             {encoding, importance, refit, reached, read_seconds, watch.seconds()});
+  Outcome outcome =
+      describe(arguments, input, scene, encoder, outputs.name,
+               {encoding, importance, checked, refit, reached, read_seconds, watch.seconds()});
   outcome.stdout_is_data = outputs.stream.is_stdout();
   if (arguments.verify) {
     add_verification(context, scene, outputs.stream.path(), encoding, &outcome);
@@ -611,8 +627,9 @@ void add_refit_option(Verb* verb, std::string& passes) {
           "--refit", passes,
           "After pruning, fit the opacities of the Gaussians that stay so that renders match the "
           "scene's, in so many passes over views; prune and code as far as the fidelity aimed at "
-          "allows, as renders show it. 0: prune by weights alone and render nothing. Default: 4, "
-          "and 0 where views were chosen by --frames or --ids or made up")
+          "allows, as renders show it. 0: prune by weights alone and render nothing. Default: 4 "
+          "where renders show that weights alone miss the fidelity aimed at by more than 0.5 dB; 0 "
+          "where views were chosen by --frames or --ids or made up")
       ->type_name("PASSES")
       ->whole_number(0, 64);
 }

@@ -41,6 +41,18 @@ io::Weights spread(const io::Weights& part, const std::vector<uint8_t>& kept) {
 
 }  // namespace
 
+CheckedStream check_stream(Context& context, const std::string& name, const io::Scene& scene,
+                           const eval::CameraViews& views,
+                           const std::vector<unsigned char>& stream) {
+  return about(name, [&] {
+    Progress progress(context, "encode");
+    eval::FittingViews dealt(rendering_of(context, "fast", 2), scene, views, progress);
+    eval::RenderedScene coded(dealt.rendering(), eval::StreamBytes{stream.data(), stream.size()},
+                              "the stream");
+    return CheckedStream{dealt.check().num_views(), dealt.check().fidelity(coded, progress).psnr};
+  });
+}
+
 struct Refit::Parts {
   Context& context;
   RefitInput input;

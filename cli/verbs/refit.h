@@ -22,6 +22,16 @@ struct RefitInput {
   bool all_views;  // whether a Gaussian that no view shows is dropped
 };
 
+// What renders of a stream have of a scene's.
+struct CheckedStream {
+  uint64_t views;
+  double fidelity;  // dB
+};
+// In those of `views` by which a refit would be judged.
+CheckedStream check_stream(Context& context, const std::string& name, const io::Scene& scene,
+                           const eval::CameraViews& views,
+                           const std::vector<unsigned char>& stream);
+
 // A scene whose Gaussians were pruned and whose opacities were fitted, in views of the scene. A
 // build without the renderer has one that refuses to be made.
 class Refit {

@@ -15,6 +15,12 @@ Importance measure_importance(Context&, const std::string& verb, const io::Scene
   return {};
 }
 
+CheckedStream check_stream(Context&, const std::string&, const io::Scene&, const eval::CameraViews&,
+                           const std::vector<unsigned char>&) {
+  require_renderer("--cameras");
+  return {};
+}
+
 struct Refit::Parts {
   std::vector<float> opacity;
   io::Weights weights;
