@@ -105,9 +105,9 @@ L4D_API l4d_status l4d_cuda_renderer_reserve(l4d_cuda_renderer* renderer,
 /* Destination on the device, owned by the caller; NULL = not wanted. */
 typedef struct l4d_cuda_image {
   size_t struct_size;
-  float* rgb;      /* [height, width, 3] */
-  float* alpha;    /* [height, width] */
-  uint32_t* rgba8; /* [height, width] bytes R, G, B, A: values times 255, rounded, clamped */
+  float* rgb;          /* [height, width, 3] */
+  float* alpha;        /* [height, width] */
+  uint32_t* rgba8;     /* [height, width] bytes R, G, B, A: values times 255, rounded, clamped */
   float background[3]; /* red, green, blue; 0 = black */
   uint32_t reserved;
 } l4d_cuda_image;

@@ -116,7 +116,7 @@ TEST(WrittenCheck, RefusesColoursFurtherOffThanIsStated) {
   const Written written;
   const Status status = written.check([](CodedLayer*) {},
                                       [&](CodedLayer* layer) {
-                                        std::vector<uint32_t> others = layer.gaussians;
+                                        std::vector<uint32_t> others = layer->gaussians;
                                         std::reverse(others.begin(), others.end());
                                         layer->component[L4D_COMPONENT_SH] =
                                             codes_of(written.coded.sh, others, 1);

@@ -198,8 +198,8 @@ class Verbs {
     if (opened != L4D_OK) return;
     try {
       const eval::DecodedScene scene = eval::decode_scene(decoder);
-      const eval::Comparison found = eval::compare_scenes(
-          scene.scene, scene, eval::pair_by_content(scene.scene, scene, 1), 1);
+      const eval::Comparison found =
+          eval::compare_scenes(scene.scene, scene, eval::pair_by_content(scene.scene, scene, 1), 1);
       add("compare", L4D_OK, found.identical() ? "" : "a stream differs from itself");
     } catch (const Error& error) {
       add("compare", error.status());
