@@ -40,10 +40,10 @@ for pair in 's.ply back.ply' 'other.ply s.l4d'; do
   expect_json out 'not {"attributes", "seen", "visible_position"} & set(d)'
   # shellcheck disable=SC2086
   expect 2 compare $pair --max-error opacity=1
-  expect_text err 'which Gaussian of .* is not known. `encode --order FILE` writes it'
+  expect_text err 'which Gaussian of .* is not known. .encode --order FILE. writes it'
 done
 expect 0 compare s.ply back.ply
-expect_text out '^single Gaussians are not compared: .*`encode --verify` measures at once$'
+expect_text out '^single Gaussians are not compared: .*.encode --verify. measures at once$'
 
 # Bounds decide the exit status.
 expect 0 compare s.ply s.l4d --order s.order --max-error opacity=1 --max-error visible_position=1e6
