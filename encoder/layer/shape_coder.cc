@@ -288,15 +288,17 @@ class ShapeCoder {
   // of escapes.
   int finer_octaves(double step, size_t dim) const {
     if (!(options_.bounds.position > 0)) return 0;
+    // TRAN-2: no step is below 2^-20.
+    const int most = std::clamp(static_cast<int>(std::log2(step) + 20), 0, kMostFinerOctaves);
     double cost[kMostFinerOctaves + 1] = {};
     for (const uint32_t i : out_.gaussians) {
       const double wanted = std::log2(step / position_keeping_step(i));
-      for (int o = 0; o <= kMostFinerOctaves; ++o) {
+      for (int o = 0; o <= most; ++o) {
         cost[o] += static_cast<double>(dim) * std::max(0.0, o - std::max(wanted, 0.0));
         if (wanted > o + static_cast<int>(kTransformStepExponents) - 1) cost[o] += kEscapeBits;
       }
     }
-    return static_cast<int>(std::min_element(cost, cost + kMostFinerOctaves + 1) - cost);
+    return static_cast<int>(std::min_element(cost, cost + most + 1) - cost);
   }
 
   // The step of temporal rotors, about, with which Gaussian i stays within its bound of position.
