@@ -42,7 +42,9 @@ CapturedImages::CapturedImages(const CameraViews& all, const std::vector<size_t>
   for (const size_t view : views) by_camera[all.views[view].camera].push_back(view);
   size_t done = 0;
   io::Image image;
-  for (const auto& [index, of_camera] : by_camera) {
+  for (const auto& entry : by_camera) {  // no structured binding: lambdas of C++17 capture none
+    const auto& index = entry.first;
+    const auto& of_camera = entry.second;
     const io::Camera& camera = all.set.cameras[index];
     const uint64_t pixels = uint64_t{camera.camera.width} * camera.camera.height;
     io::require_inside(all.set, camera);
