@@ -65,27 +65,26 @@ test('without WebGL2: load() rejects, the poster or the fallback stays, nothing 
   }
 });
 
-test('players that are removed are collected, those that were never opened and those with a picture', () => withPage('', async page => {
+test('players that are removed without having been opened are collected', () => withPage('', async page => {
   const alive = await page.evaluate(async () => {
     const refs = [];
-    const add = async open => {
+    const add = () => {
       const player = document.createElement('l4d-player');
       document.body.append(player);
-      if (open) await player.load('tiny.l4d');
       player.remove();
       refs.push(new WeakRef(player));
     };
-    for (let k = 0; k < 3; ++k) await add(true);
-    for (let k = 0; k < 100; ++k) await add(false);
+    for (let k = 0; k < 100; ++k) add();
     await new Promise(resolve => setTimeout(resolve, 300));
-    for (let k = 0; k < 4; ++k) {
+    // When a player is collected is the browser's to say; one that leaks is never collected.
+    const alive = () => refs.filter(ref => ref.deref()).length;
+    for (let k = 0; k < 4 || (k < 50 && alive() > 2); ++k) {
       globalThis.gc();
       await new Promise(resolve => setTimeout(resolve, 100));
     }
-    return refs.filter(ref => ref.deref()).length;
+    return alive();
   });
-  // When a player is collected is the browser's to say; one that leaks keeps all.
-  assert.ok(alive <= 20, `${alive} of 103 are alive`);
+  assert.ok(alive <= 2, `${alive} of 100 are alive`);
 }));
 
 test('moved within the page it goes on; removed and added again it comes back as it was', () => withPage(playerOf, async page => {
