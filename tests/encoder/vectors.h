@@ -4,12 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <string>
 #include <vector>
 
+#include "tests/common/files.h"
 #include "tests/common/random.h"
 
 namespace l4d::test {
@@ -57,15 +56,9 @@ inline std::vector<float> lattice(size_t n, size_t dim, int range, uint64_t seed
 
 // Folder of the real scene; empty where there is none.
 inline std::string basketball_folder() {
-  const char* set = std::getenv("L4D_DATA_DIR");
-  const std::filesystem::path folder =
-      (set != nullptr ? std::filesystem::path(set)
-                      : std::filesystem::path(__FILE__).parent_path() / "../../../shared/data") /
-      "basketball";
-  return std::filesystem::exists(folder / "basketball.ply") &&
-                 std::filesystem::exists(folder / "basketball-weights.ply")
-             ? folder.string()
-             : std::string();
+  const bool complete = !data_file("basketball/basketball.ply").empty() &&
+                        !data_file("basketball/basketball-weights.ply").empty();
+  return complete ? data_file("basketball") : std::string();
 }
 
 struct RealVectors {

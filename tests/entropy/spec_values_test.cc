@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "libl4dcodec/base/hash.h"
+#include "tests/common/files.h"
 #include "tests/entropy/rans_channels.h"
 
 namespace l4d {
@@ -21,7 +22,7 @@ using Row = std::vector<std::string>;
 
 // The groups of what matches in a section of the specification, from its heading to the next one.
 std::vector<Row> rows(const std::string& heading, const std::string& pattern) {
-  std::ifstream in(L4D_SPECIFICATION);
+  std::ifstream in(test::source_file("spec/l4d.md"));
   const std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
   const size_t begin = text.find("### " + heading);
   EXPECT_NE(begin, std::string::npos) << heading;

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <string>
@@ -11,6 +10,7 @@
 
 #include "io/ply/scene_ply.h"
 #include "tests/common/codec.h"
+#include "tests/common/files.h"
 #include "tests/gpu/decode_support.h"
 
 namespace l4d::test {
@@ -323,10 +323,9 @@ Bytes read_file(const std::string& path) {
 // streams made of it elsewhere can be named in L4D_GPU_TEST_FILES, with colons between.
 TEST_F(Scenes, Basketball) {
   std::vector<Bytes> streams;
-  const char* set = std::getenv("L4D_DATA_DIR");
-  const std::string folder = std::string(set != nullptr ? set : "../shared/data") + "/basketball/";
-  if (std::filesystem::exists(folder + "basketball.ply")) {
-    const io::Scene scene = io::read_scene_ply(folder + "basketball.ply");
+  const std::string file = test::data_file("basketball/basketball.ply");
+  if (!file.empty()) {
+    const io::Scene scene = io::read_scene_ply(file);
     const l4d_gaussians view = scene.view();
     for (const char* preset : {"default", "indexed-small"}) {
       EncoderHandle encoder;

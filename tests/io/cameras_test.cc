@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "io/image/image.h"
+#include "tests/common/files.h"
 #include "tests/io/camera_files.h"
 
 namespace l4d::io {
@@ -219,7 +220,7 @@ TEST_F(CamerasTest, TruncatedAndForeignFiles) {
 }
 
 TEST_F(CamerasTest, Basketball) {
-  const std::string file = test::data_file("basketball/cameras.json");
+  const std::string file = l4d::test::data_file("basketball/cameras.json");
   if (file.empty()) GTEST_SKIP() << "no data set";
   const CameraSet set = read_cameras(file);
   EXPECT_EQ(set.fps, 30);

@@ -4,6 +4,7 @@
 
 #include "io/ply/read_ply.h"
 #include "io/ply/scene_ply.h"
+#include "tests/common/files.h"
 #include "tests/io/support.h"
 
 namespace l4d::io {
@@ -82,7 +83,7 @@ TEST_F(FormatsTest, L4dPlyChannelMajorBecomesCoefficientMajor) {
 }
 
 TEST_F(FormatsTest, BasketballIsRewrittenByteForByte) {
-  const std::string file = test::data_file("basketball/basketball.ply");
+  const std::string file = l4d::test::data_file("basketball/basketball.ply");
   if (file.empty()) GTEST_SKIP() << "no data set";
   const Scene scene = read_scene_ply(file);
   EXPECT_EQ(scene.count(), 213874U);
@@ -375,7 +376,7 @@ TEST_F(FormatsTest, StaticPlyIsPermanentAndStill) {
 TEST_F(FormatsTest, StatuesAreReadAndComeBackThroughTheExport) {
   for (const auto& [name, count] : {std::pair<const char*, size_t>{"statues/angel.ply", 71359},
                                     {"statues/trumpet.ply", 89292}}) {
-    const std::string file = test::data_file(name);
+    const std::string file = l4d::test::data_file(name);
     if (file.empty()) GTEST_SKIP() << "no data set";
     const Scene scene = read_scene_ply(file);
     ASSERT_EQ(scene.count(), count);
@@ -571,7 +572,7 @@ TEST_F(FormatsTest, FtgsRoundTripThroughRotors) {
 }
 
 TEST_F(FormatsTest, FtgsOfBasketballMovesAlike) {
-  const std::string file = test::data_file("basketball/basketball.ply");
+  const std::string file = l4d::test::data_file("basketball/basketball.ply");
   if (file.empty()) GTEST_SKIP() << "no data set";
   const Scene scene = read_scene_ply(file);
   write_ftgs_ply(path("b.ftgs.ply"), scene);

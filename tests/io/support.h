@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -49,17 +48,6 @@ class IoTest : public ::testing::Test {
 inline std::string read_bytes(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-}
-
-// A file of the real data set, "" where it is absent.
-inline std::string data_file(const std::string& name) {
-  const char* set = std::getenv("L4D_DATA_DIR");
-  const std::filesystem::path directory =
-      set != nullptr ? std::filesystem::path(set)
-                     : std::filesystem::path(__FILE__).parent_path() / "../../../shared/data";
-  std::error_code error;
-  const std::filesystem::path file = directory / name;
-  return std::filesystem::exists(file, error) ? file.string() : "";
 }
 
 inline InputFile in_memory(const std::string& bytes) {

@@ -10,6 +10,7 @@
 #include "io/camera/cameras.h"
 #include "io/image/metrics.h"
 #include "tests/common/ffmpeg.h"
+#include "tests/common/files.h"
 #include "tests/io/support.h"
 
 namespace l4d::io {
@@ -287,7 +288,7 @@ TEST_F(VideoTest, WithoutFfmpeg) {
 }
 
 TEST_F(VideoTest, OfBasketball) {
-  const std::string file = test::data_file("basketball/cameras.json");
+  const std::string file = l4d::test::data_file("basketball/cameras.json");
   if (file.empty()) GTEST_SKIP() << "no data set";
   const Camera camera = read_cameras(file).cameras[0];
   VideoReader reader(camera.video, camera.camera.width, camera.camera.height);

@@ -2,6 +2,7 @@
 #include "io/ply/weights.h"
 
 #include "io/ply/scene_ply.h"
+#include "tests/common/files.h"
 #include "tests/io/support.h"
 
 namespace l4d::io {
@@ -100,7 +101,7 @@ TEST_F(WeightsTest, AreNoScene) {
 }
 
 TEST_F(WeightsTest, OfBasketball) {
-  const std::string file = test::data_file("basketball/basketball-weights.ply");
+  const std::string file = l4d::test::data_file("basketball/basketball-weights.ply");
   if (file.empty()) GTEST_SKIP() << "no data set";
   const Weights weights = read_weights_ply(file);
   EXPECT_EQ(weights.count, 213874U);

@@ -10,12 +10,14 @@
 
 #include "libl4dcodec/scene/sh.h"
 #include "libl4dcodec/scene/slice.h"
+#include "tests/common/files.h"
 
 namespace l4d {
 namespace {
 
 const nlohmann::json& table() {
-  static const nlohmann::json kTable = nlohmann::json::parse(std::ifstream(L4D_SHADING_TABLE));
+  static const nlohmann::json kTable =
+      nlohmann::json::parse(std::ifstream(test::source_file("spec/examples/shading.json")));
   return kTable;
 }
 

@@ -13,6 +13,7 @@
 #include "render/cpu/fast/fast.h"
 #include "render/cpu/reference.h"
 #include "render/frame/scene.h"
+#include "tests/common/files.h"
 #include "tests/render/scenes.h"
 #include "tests/render/unlimited.h"
 
@@ -286,9 +287,12 @@ TEST(FastBackward, NeedlesOfTheScene) {
 // Some of its Gaussians are a thousand pixels long here. Of these the derivatives by position and
 // rotor are known to a few percent: the sums over their pixels are in binary32.
 TEST(FastBackward, Basketball) {
-  const std::string path = data_file("basketball/basketball.ply");
+#ifdef L4D_SANITIZED
+  GTEST_SKIP() << "a real scene is drawn without sanitizers";
+#endif
+  const std::string path = test::data_file("basketball/basketball.ply");
   if (path.empty()) GTEST_SKIP() << "no basketball scene: set L4D_DATA_DIR";
-  const io::CameraSet set = io::read_cameras(data_file("basketball/cameras.json"));
+  const io::CameraSet set = io::read_cameras(test::data_file("basketball/cameras.json"));
   check_scene("basketball", io::read_scene_ply(path), set.cameras.at(15).camera, 0.3, 0.15, 2.6);
 }
 

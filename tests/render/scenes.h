@@ -7,9 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
-#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -181,16 +179,6 @@ inline double largest_difference(const std::vector<float>& a, const std::vector<
 inline bool equal_bits(const std::vector<float>& a, const std::vector<float>& b) {
   return a.size() == b.size() &&
          (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0);
-}
-
-// A file of the real data set, "" where it is absent.
-inline std::string data_file(const std::string& name) {
-  const char* set = std::getenv("L4D_DATA_DIR");
-  const std::filesystem::path directory =
-      set != nullptr ? std::filesystem::path(set)
-                     : std::filesystem::path(__FILE__).parent_path() / "../../../shared/data";
-  std::error_code error;
-  return std::filesystem::exists(directory / name, error) ? (directory / name).string() : "";
 }
 
 }  // namespace l4d::render
