@@ -18,10 +18,7 @@ constexpr double kStep = 1.0 / 255;
 
 Judge::Judge(const Frame<float>& frame, const Frame<double>& reference, const l4d_camera& camera,
              bool fast_exponential)
-    : reference_(reference),
-      camera_(camera),
-      view_(make_view<double>(camera)),
-      fast_exponential_(fast_exponential) {
+    : reference_(reference), view_(make_view<double>(camera)), fast_exponential_(fast_exponential) {
   const View<float> view = make_view<float>(camera);
   const size_t n = frame.count();
   std::vector<FastSplat> projected(n + DepthSort::kPart);

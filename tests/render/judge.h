@@ -37,7 +37,6 @@ class Judge {
   double depth_error(size_t row) const;
 
   const Frame<double>& reference_;
-  l4d_camera camera_;
   View<double> view_;
   bool fast_exponential_;
   std::vector<FastSplat> splats_;  // front to back
