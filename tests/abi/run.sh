@@ -1,21 +1,24 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# usage: run.sh SOURCE_DIR WORK_DIR [OPTION...]
+# usage: run.sh headers|library SOURCE_DIR WORK_DIR [OPTION...]
 # OPTION: for CMake.
 # Whether programs outlive the library that they were compiled for.
-#  - Headers: grown as a later version may grow them (grow.py), they have every field and name of
+#  - headers: grown as a later version may grow them (grow.py), they have every field and name of
 #    today in the same place.
-#  - Programs: compiled against the headers of today, they run with a shared library of the grown
-#    ones, both under the address sanitizer.
+#  - library: programs that are compiled against the headers of today run with a shared library of the
+#    grown ones, both under the address sanitizer.
 set -euo pipefail
 
-source=$1
-work=$2
-shift 2
+kind=$1
+source=$2
+work=$3
+shift 3
 here=$(cd "$(dirname "$0")" && pwd)
 jobs=${L4D_JOBS:-$(nproc)}
 cc=${CC:-cc}
 mkdir -p "$work"
+
+python3 -B "$here/grow.py" "$source/include" "$work/grown"
 
 # fields HEADERS: each struct's size and each field's offset, as this compiler has them.
 fields() {
@@ -23,25 +26,35 @@ fields() {
   "$cc" -I "$1" "$work/fields.c" -o "$work/fields"
   "$work/fields"
 }
-python3 -B "$here/grow.py" "$source/include" "$work/grown"
-fields "$source/include" >"$work/today.txt"
-fields "$work/grown" >"$work/grown.txt"
-moved=$(comm -23 <(sort "$work/today.txt") <(sort "$work/grown.txt"))
-if [[ -n $moved ]]; then
-  echo "FAIL: the grown headers have these fields or names elsewhere:" >&2
-  echo "$moved" >&2
-  exit 1
-fi
-echo "$(wc -l <"$work/today.txt") fields and names are where they were"
+check_headers() {
+  local moved
+  fields "$source/include" >"$work/today.txt"
+  fields "$work/grown" >"$work/grown.txt"
+  moved=$(comm -23 <(sort "$work/today.txt") <(sort "$work/grown.txt"))
+  if [[ -n $moved ]]; then
+    echo "FAIL: the grown headers have these fields or names elsewhere:" >&2
+    echo "$moved" >&2
+    exit 1
+  fi
+  echo "$(wc -l <"$work/today.txt") fields and names are where they were"
 
-# The check above can fail: fields that a struct loses are seen.
-sed 's/ uint64_t file_bytes;//' "$source/include/l4d/decode.h" >"$work/lost.h"
-mkdir -p "$work/lost/l4d"
-cp "$source"/include/l4d/*.h "$work/lost/l4d/"
-cp "$work/lost.h" "$work/lost/l4d/decode.h"
-fields "$work/lost" >"$work/lost.txt"
-[[ -n $(comm -23 <(sort "$work/today.txt") <(sort "$work/lost.txt")) ]] ||
-  { echo "FAIL: a lost field is not seen" >&2; exit 1; }
+  # The check above can fail: fields that a struct loses are seen.
+  mkdir -p "$work/lost/l4d"
+  cp "$source"/include/l4d/*.h "$work/lost/l4d/"
+  sed 's/ uint64_t file_bytes;//' "$source/include/l4d/decode.h" >"$work/lost/l4d/decode.h"
+  fields "$work/lost" >"$work/lost.txt"
+  [[ -n $(comm -23 <(sort "$work/today.txt") <(sort "$work/lost.txt")) ]] ||
+    { echo "FAIL: a lost field is not seen" >&2; exit 1; }
+}
+
+case $kind in
+  headers)
+    check_headers
+    exit
+    ;;
+  library) ;;
+  *) echo "unknown kind $kind" >&2 && exit 2 ;;
+esac
 
 # One SIMD target is enough, and the plain one compiles fastest.
 cmake -S "$source" -B "$work/build" -G Ninja "$@" -DL4D_WERROR=OFF -DCMAKE_BUILD_TYPE=Debug -DBUILD_SHARED_LIBS=ON \
