@@ -49,6 +49,11 @@ set(L4D_SANITIZE "" CACHE STRING
 if(L4D_SANITIZE)
   # Recovery is off, so that a report is a failed test and not a line in a log.
   add_compile_options(-fsanitize=${L4D_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
+  # Not every compiler says by a macro of its own that it sanitizes.
+  add_compile_definitions(L4D_SANITIZED)
+  # Reports and debug information name files from the root of the tree on, so that the objects of one clone
+  # serve another.
+  add_compile_options(-ffile-prefix-map=${PROJECT_SOURCE_DIR}=.)
   add_link_options(-fsanitize=${L4D_SANITIZE})
 endif()
 

@@ -6,7 +6,8 @@
 
 Writes OUT, which ctest includes: for each suite of PROGRAM the test PREFIX+SUITE, which runs its cases in
 one process, in the folder of OUT, and leaves their results in BUILD_DIR/results/suites. Of each suite the names of its cases go to
-BUILD_DIR/suites, so that tests/summary.py knows which did not run."""
+BUILD_DIR/suites, so that tests/summary.py knows which did not run. Suites whose names end in Nightly have the label
+nightly too: they are measurements that take long."""
 import json
 import pathlib
 import shutil
@@ -45,8 +46,9 @@ def main(program, prefix, build, out, *properties):
         known.write_text(json.dumps({"program": program, "suite": suite, "cases": cases}), encoding="utf-8")
         command = [program, f"--gtest_filter={suite}.*",
                    f"--gtest_output=xml:{build}/results/suites/{prefix}{suite}.xml"]
+        labels = ["LABELS", quoted("unit;nightly")] if suite.endswith("Nightly") else []
         lines += [f"add_test({quoted(prefix + suite)} {' '.join(map(quoted, command))})",
-                  f"set_tests_properties({quoted(prefix + suite)} PROPERTIES {' '.join(properties)})"]
+                  f"set_tests_properties({quoted(prefix + suite)} PROPERTIES {' '.join([*properties, *labels])})"]
     out.write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 

@@ -4,13 +4,17 @@
 
     summary.py [--seconds FILE] BUILD_DIR...
                             prints what took longest, what was skipped and why, what failed, and as the last
-                            line "1240 passed, 0 failed, 12 skipped". FILE: lines "SECONDS WHAT" of builds
+                            line "1240 passed, 0 failed, 12 skipped". FILE: lines "SECONDS BUDGET WHAT" of builds
+                            and runs
     summary.py --self-test
 
 BUILD_DIR/results/ctest.xml is what ctest wrote with --output-junit. A test that is a suite of GoogleTest
 (suites.py) counts by its cases: BUILD_DIR/suites/NAME.json names them, and the program wrote their results to
 BUILD_DIR/results/suites/NAME.xml. If it ended before that, its output says how far it came; the cases that
 did not run have failed.
+
+A test of more than 20 s has a line in slow.txt, "NAME: why it takes that long"; this program names those that have
+none, and fails for none: a busy machine makes any test long.
 
 Exit status 1 where a test failed or could not be run, or where a folder has no results."""
 import collections
@@ -21,7 +25,7 @@ import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
 
-SLOWEST = 20
+LONG = 20  # seconds
 Result = collections.namedtuple("Result", "name outcome why")
 
 
@@ -113,11 +117,32 @@ def read(build):
     return [(float(test.get("time") or 0), test.get("name")) for test in tests], results
 
 
-def print_times(title, times, out):
-    if times:
-        print(title, file=out)
-        for seconds, name in times:
-            print(f"  {seconds:7.1f} s  {name}", file=out)
+def print_parts(lines, out):
+    """Lines "SECONDS BUDGET WHAT": what takes more than it may is marked."""
+    if not lines:
+        return
+    print("Builds and runs: seconds, of a budget of", file=out)
+    total = collections.Counter()
+    for line in lines:
+        taken, budget, what = line.split(" ", 2)
+        total.update(taken=float(taken), budget=float(budget))
+        print(f"  {float(taken):6.0f} {float(budget):6.0f}  {what}" + ("  OVER" if float(taken) > float(budget) else ""),
+              file=out)
+    print(f"  {total['taken']:6.0f} {total['budget']:6.0f}  together", file=out)
+
+
+def reasons(path):
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    return dict(line.split(": ", 1) for line in lines if line and not line.startswith("#"))
+
+
+def print_long(times, why, out):
+    """times: (seconds, build folder, name of a test)"""
+    long = sorted((t for t in times if t[0] > LONG), reverse=True)
+    if long:
+        print(f"Tests of more than {LONG} s, and why they take that long", file=out)
+    for seconds, build, name in long:
+        print(f"  {seconds:7.1f} s  {build}: {name}: {why.get(name, 'NO REASON in tests/slow.txt')}", file=out)
 
 
 def print_skipped(skipped, out):
@@ -129,15 +154,15 @@ def print_skipped(skipped, out):
         print(f"skipped: {names[0]}{more}: {reason}", file=out)
 
 
-def summarise(builds, seconds, out):
-    """Prints to `out`; whether nothing failed. `seconds`: lines "SECONDS WHAT"."""
+def summarise(builds, parts, out, why=None):
+    """Prints to `out`; whether nothing failed. `parts`: lines "SECONDS BUDGET WHAT"; `why`: reasons()."""
     times, results = [], []
     for build in map(pathlib.Path, builds):
         of_tests, of_cases = read(build)
-        times += [(taken, f"{build.name}: {name}") for taken, name in of_tests]
+        times += [(taken, build.name, name) for taken, name in of_tests]
         results += [r._replace(name=f"{build.name}: {r.name}") for r in of_cases]
-    print_times("Builds and runs", [(float(s), what) for s, what in (line.split(" ", 1) for line in seconds)], out)
-    print_times("Slowest tests", sorted(times, reverse=True)[:SLOWEST], out)
+    print_parts(parts, out)
+    print_long(times, why or {}, out)
     print_skipped([r for r in results if r.outcome == "skipped"], out)
     failed = [r for r in results if r.outcome == "failed"]
     for result in failed:
@@ -160,7 +185,7 @@ CTEST = """<?xml version="1.0" encoding="UTF-8"?>
 <skipped message="SKIP_REGULAR_EXPRESSION_MATCHED"/></testcase>
 {more}</testsuite>
 """
-SUITE = '<testcase name="io/S" time="2" status="{status}"><system-out>{output}</system-out></testcase>'
+SUITE = '<testcase name="io/S" time="21" status="{status}"><system-out>{output}</system-out></testcase>'
 CASES = """<testsuites><testsuite name="S"><testcase name="A" status="run" result="completed"/>
 <testcase name="B/0" status="run" result="skipped"><skipped message="s.cc:3&#x0A;no device"/></testcase>
 {more}</testsuite></testsuites>"""
@@ -220,9 +245,12 @@ def self_test():
             assert (got, lines[-1]) == (good, last), (number, lines)
             assert line is None or line.replace("#", str(number)) in lines, (number, lines)
         out = io.StringIO()
-        assert not summarise([folder / "2", folder / "4"], ["12.5 build release"], out)
+        parts = ["12 10 build release", "3 5 all tests"]
+        assert not summarise([folder / "2", folder / "4"], parts, out, {"io/S": "it counts to a million"})
         lines = out.getvalue().splitlines()
-        assert lines[:4] == ["Builds and runs", "     12.5 s  build release", "Slowest tests", "      2.0 s  4: io/S"]
+        assert lines[1:4] == ["      12     10  build release  OVER", "       3      5  all tests",
+                              "      15     15  together"], lines
+        assert lines[5] == "     21.0 s  4: io/S: it counts to a million", lines
         assert lines[-1] == "4 passed, 1 failed, 5 skipped", lines
         out = io.StringIO()
         assert not summarise([folder / "none"], [], out), "no results are no success"
@@ -234,11 +262,12 @@ def main(arguments):
     if arguments == ["--self-test"]:
         self_test()
         return 0
-    seconds = []
+    parts = []
     if arguments[:1] == ["--seconds"]:
-        seconds = pathlib.Path(arguments[1]).read_text(encoding="utf-8").splitlines()
+        parts = pathlib.Path(arguments[1]).read_text(encoding="utf-8").splitlines()
         arguments = arguments[2:]
-    return 0 if summarise(arguments, seconds, sys.stdout) else 1
+    why = reasons(pathlib.Path(__file__).parent / "slow.txt")
+    return 0 if summarise(arguments, parts, sys.stdout, why) else 1
 
 
 if __name__ == "__main__":

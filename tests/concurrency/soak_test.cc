@@ -118,7 +118,7 @@ TEST(Soak, NeitherMemoryNorHandlesGrow) {
   if (soak.warm_bytes() == 0 || soak.warm_handles() == 0) GTEST_SKIP() << "no /proc/self";
   // Each thread may have one file open at a time, and the sampling itself another.
   EXPECT_LE(soak.most_handles(), soak.warm_handles() + 3);
-#if !defined(__SANITIZE_THREAD__) && !defined(__SANITIZE_ADDRESS__)
+#ifndef L4D_SANITIZED
   // The pools of the allocator breathe; a leak of one page for each seek would soon be beyond this.
   EXPECT_LE(soak.most_bytes(), soak.warm_bytes() + (uint64_t{4} << 20) + soak.warm_bytes() / 10);
 #endif

@@ -318,7 +318,7 @@ TEST(KMeansTest, HeavyTailsAreServed) {
 }
 
 // A sample, seeding in rounds and an early end must not cost quality.
-TEST(KMeansTest, RealVectorsComparedWithLongPlainLloyd) {
+TEST(KMeansNightly, RealVectorsComparedWithLongPlainLloyd) {
   const std::string folder = test::basketball_folder();
   if (folder.empty()) GTEST_SKIP() << "no basketball scene in $L4D_DATA_DIR or ../shared/data";
   const test::RealVectors real = test::read_basketball(folder, 5);

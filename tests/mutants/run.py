@@ -34,6 +34,7 @@ import json
 import os
 import pathlib
 import queue
+import random
 import re
 import shutil
 import subprocess
@@ -46,7 +47,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 LIST = HERE / "mutants.txt"
 LEFT_OUT = {".git", "build", "shared", "__pycache__"}
-KILLED, SURVIVED = "killed", "SURVIVED"
+KILLED, SURVIVED, NOT_RUN = "killed", "SURVIVED", "not run"
 NOT_APPLIED, NOT_BUILT, NOT_SOUND = "does not apply", "does not build", "fails without it"
 MOST_CHANGED = 8  # lines of a mutant
 GRACE = 60  # seconds beyond ten times what a test takes
@@ -422,7 +423,8 @@ def in_workers(work, base, jobs, items, action):
         raise failures[0]
 
 
-def run(tree, listing, work, names, jobs, cmake=()):
+def run(tree, listing, work, names, jobs, cmake=(), seconds=None):
+    """seconds: no mutant begins later than that after the first; which ones do begin is left to chance."""
     work = work.resolve()
     (work / "logs").mkdir(parents=True, exist_ok=True)
     mutants = load(listing, names)
@@ -454,6 +456,8 @@ def run(tree, listing, work, names, jobs, cmake=()):
 
         def one(mutant, folder):
             begin = time.monotonic()
+            if begin > deadline:
+                return
             bad = [f"{t}: {unsound[t]}" for t in mutant.tests if t in unsound]
             state, why = (NOT_SOUND, "; ".join(bad)) if bad else try_mutant(
                 mutant, folder, work, results.seconds)
@@ -469,20 +473,25 @@ def run(tree, listing, work, names, jobs, cmake=()):
         others = {}
         # What many objects depend on takes longest, so it goes first.
         todo.sort(key=lambda m: (not m.file.endswith(".h"), m.name))
+        deadline = float("inf")
+        if seconds is not None:
+            random.shuffle(todo)
+            deadline = time.monotonic() + seconds
         in_workers(work, base, jobs, todo, one)
     else:
         others = {}
-    return report(mutants, results, others)
+    return report(mutants, results, others, seconds is None)
 
 
-def report(mutants, results, others):
+def report(mutants, results, others, whole):
+    """whole: a mutant that did not run is a failure."""
     print(f"\n{'mutant':<34} {'result':<16} by")
     count, left = {}, []
     for mutant in mutants:
-        entry = results.get(mutant) or others.get(mutant.name) or {"state": "not run", "why": ""}
+        entry = results.get(mutant) or others.get(mutant.name) or {"state": NOT_RUN, "why": ""}
         count[entry["state"]] = count.get(entry["state"], 0) + 1
         print(f"{mutant.name:<34} {entry['state']:<16} {entry['why']}")
-        if entry["state"] != KILLED:
+        if entry["state"] != KILLED and (whole or entry["state"] != NOT_RUN):
             left.append((mutant, entry))
     for mutant, entry in left:
         print(f"\n{entry['state']}: {mutant.name}\n  {mutant.breaks}\n  {entry['why']}")
@@ -501,6 +510,8 @@ def main():
     parser.add_argument("--from", dest="listing", type=pathlib.Path, default=LIST, metavar="LIST")
     parser.add_argument("--work", type=pathlib.Path, default=None, help="default: TREE/build/mutants")
     parser.add_argument("--jobs", type=int, default=int(os.environ.get("L4D_JOBS") or os.cpu_count()))
+    parser.add_argument("--seconds", type=float, help="begin no mutant later than that after the first, and "
+                        "take them in a random order")
     parser.add_argument("--cmake", action="append", default=[], metavar="ARGUMENT",
                         help="given to cmake too: --cmake=-DCMAKE_PREFIX_PATH=/opt")
     parser.add_argument("names", nargs="*")
@@ -519,7 +530,7 @@ def main():
         work = a.work or a.tree / "build" / "mutants"
         if a.fresh:
             (work / "results.json").unlink(missing_ok=True)
-        return run(a.tree.resolve(), a.listing, work, a.names, max(1, a.jobs), a.cmake)
+        return run(a.tree.resolve(), a.listing, work, a.names, max(1, a.jobs), a.cmake, a.seconds)
     except Bad as e:
         print(f"mutants: {e}", file=sys.stderr)
         return 1

@@ -18,7 +18,7 @@ namespace l4d::train {
 namespace {
 
 // Sanitizers find in fewer steps what they find.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef L4D_SANITIZED
 constexpr uint64_t kSteps = 40;
 #else
 constexpr uint64_t kSteps = 300;

@@ -15,29 +15,37 @@ using test::tiny_run;
 using ::testing::HasSubstr;
 
 // Thousands of steps: what sanitizers would find there, they find in the shorter tests below.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef L4D_SANITIZED
 #define L4D_SKIP_LONG_TRAINING() GTEST_SKIP() << "quality is measured without sanitizers"
 #else
 #define L4D_SKIP_LONG_TRAINING() static_cast<void>(0)
 #endif
 
-TEST(Training, FromRandomPoints) {
+// Two test cameras of 64 x 48 pixels: from one seed to the next their PSNR lies between 20.5 and 25
+// dB (six seeds, mean 23.0, deviation 1.5), and another processor is like another seed.
+TEST(TrainingNightly, FromRandomPoints) {
   L4D_SKIP_LONG_TRAINING();
-  const Folder folder;
-  Listener listener;
-  const RunReport report = train(tiny_run(folder / "run", 4200), &listener);
-  RecordProperty("train_db", std::to_string(report.train.plain.mean_psnr));
-  RecordProperty("test_db", std::to_string(report.test.plain.mean_psnr));
-  EXPECT_GE(report.train.plain.mean_psnr, 35);
-  EXPECT_GE(report.test.plain.mean_psnr, 23.5);
-  EXPECT_LE(report.gaussians, 2000U);
-  for (const char* name : {"scene.ply", "cameras.json", "report.json", "log.jsonl", "curves.svg",
-                           "preview.png", "settings.json", "events.out.tfevents.l4dtrain"}) {
-    EXPECT_TRUE(std::filesystem::exists(folder / ("run/" + std::string(name)))) << name;
+  constexpr uint64_t kSeeds = 3;
+  double test_db = 0;
+  for (uint64_t seed = 0; seed < kSeeds; ++seed) {
+    const Folder folder;
+    Listener listener;
+    RunOptions options = tiny_run(folder / "run", 4200);
+    options.settings.seed = seed;
+    const RunReport report = train(options, &listener);
+    EXPECT_GE(report.train.plain.mean_psnr, 35) << "seed " << seed;
+    EXPECT_LE(report.gaussians, 2000U);
+    test_db += report.test.plain.mean_psnr / kSeeds;
+    for (const char* name : {"scene.ply", "cameras.json", "report.json", "log.jsonl", "curves.svg",
+                             "preview.png", "settings.json", "events.out.tfevents.l4dtrain"}) {
+      EXPECT_TRUE(std::filesystem::exists(folder / ("run/" + std::string(name)))) << name;
+    }
   }
+  RecordProperty("test_db", std::to_string(test_db));
+  EXPECT_GE(test_db, 21);
 }
 
-TEST(Training, FromTruePoints) {
+TEST(TrainingNightly, FromTruePoints) {
   L4D_SKIP_LONG_TRAINING();
   const Folder folder;
   test::write_true_points(folder / "points.ply");
