@@ -108,9 +108,24 @@ export const hasWebGpu = async page => {
   return has;
 };
 
-/** A page whose errors are collected. @param {any} browser @param {any} [options] */
+/** In pages: waits until the condition holds. @param {() => unknown} condition @param {string} what */
+const until = async (condition, what) => {
+  for (const end = performance.now() + 60000; performance.now() < end;) {
+    if (await condition()) return;
+    await new Promise(resolve => setTimeout(resolve, 20));
+  }
+  throw new Error(`waited in vain for ${what}`);
+};
+
+/** A page whose errors are collected, and which has until(). @param {any} browser @param {any} [options] */
 export const newPage = async (browser, options = {}) => {
   const page = await browser.newPage({viewport: {width: 960, height: 540}, ...options});
+  await page.addInitScript(`globalThis.until = ${until}`);
+  page.setDefaultTimeout(60000);
+  const wait = page.waitForFunction.bind(page);
+  page.waitForFunction = (/** @type {any[]} */ ...given) => wait(...given).catch((/** @type {any} */ error) => {
+    throw error.name === 'TimeoutError' ? new Error(`waited in vain for ${given[0]}\n${page.errors.join('\n')}`, {cause: error}) : error;
+  });
   page.errors = [];
   page.on('pageerror', error => page.errors.push(String(error)));
   page.on('console', message => {

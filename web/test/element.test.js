@@ -133,7 +133,7 @@ test('two views show one movie', () => withPage('', async page => {
       view.setCamera({worldToCamera: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 6], fx: 100, fy: 100, cx: 80, cy: 45, nearPlane: 0.01});
     }
     await movie.seek(2);
-    while (movie.ready.detail !== 'full') await new Promise(resolve => setTimeout(resolve, 20));
+    await until(() => movie.ready.detail === 'full', 'all of the instant');
     const pictures = [];
     for (const view of views) pictures.push(await view.pixels());
     const visible = views.map(view => view.stats.visible);
@@ -153,7 +153,7 @@ test('two views show one movie', () => withPage('', async page => {
 const allOpened = page => page.waitForFunction(() => {
   const players = [...document.querySelectorAll('l4d-player')];
   return players.every(player => player.isOpen);
-}, undefined, {timeout: 60000});
+});
 const times = page => page.evaluate(() => [...document.querySelectorAll('l4d-player')].map(player => player.currentTime));
 const two = '<l4d-player src="frames.l4d"></l4d-player><l4d-player id="b c" src="frames.l4d"></l4d-player>';
 
@@ -237,7 +237,7 @@ test('ping-pong goes there and back, at the bounds of the stream', () => withPag
       };
       player.playbackRate = 2;
       await player.play();
-      for (let k = 0; k < 600 && !turned(); ++k) await new Promise(resolve => setTimeout(resolve, 20));
+      await until(turned, 'the way there and back');
       const playing = !player.paused;
       player.setAttribute('playback', 'once');
       const after = movie.playback;

@@ -98,7 +98,7 @@ test('controls of media-chrome play, pause, seek and show the time', () => withP
   `<media-controller style="width: 480px"><l4d-player slot="media" src="scene.l4d" controls="none" loop></l4d-player>
    <media-control-bar><media-play-button></media-play-button><media-time-range></media-time-range><media-time-display showduration></media-time-display>
    <media-mute-button></media-mute-button></media-control-bar></media-controller><script type="module" src="chrome.js"></script>`, async page => {
-    await page.waitForFunction(() => document.querySelector('l4d-player').isOpen, undefined, {timeout: 60000});
+    await page.waitForFunction(() => document.querySelector('l4d-player').isOpen);
     await page.waitForFunction(() => document.querySelector('media-controller').getAttribute('mediaduration') === '4');
     if (process.env.L4D_SHOTS) await page.screenshot({path: join(process.env.L4D_SHOTS, 'media-chrome.png')});
     await page.click('media-play-button');

@@ -18,16 +18,21 @@ export const setting = (heading, language) => {
   return found[1];
 };
 
-const freePort = () => new Promise((resolve, reject) => {
-  const server = createTcp().once('error', reject).listen(0, '127.0.0.1', () => {
-    const {port} = /** @type {import('node:net').AddressInfo} */ (server.address());
-    server.close(() => resolve(port));
-  });
-});
+/** A port that systems do not give to a program that asks for any: another test may get such a port first. @returns {Promise<number>} */
+const freePort = async () => {
+  for (let k = 0; k < 100; ++k) {
+    const port = 10000 + Math.floor(20000 * Math.random());
+    const isFree = await new Promise(resolve => {
+      const server = createTcp().once('error', () => resolve(false)).listen(port, '127.0.0.1', () => server.close(() => resolve(true)));
+    });
+    if (isFree) return port;
+  }
+  throw new Error('no port is free');
+};
 
 /** @param {number} port */
 const listening = async port => {
-  for (let k = 0; k < 200; ++k) {
+  for (const end = Date.now() + 60000; Date.now() < end;) {
     const answered = await fetch(`http://127.0.0.1:${port}/`).then(() => true, () => false);
     if (answered) return;
     await new Promise(resolve => setTimeout(resolve, 50));
@@ -38,7 +43,7 @@ const listening = async port => {
 /**
  * @typedef {object} Running
  * @property {{1: string, 2?: string}} urls by the version of HTTP
- * @property {() => {method: string, version: string, status: number, bytes: number}[]} log of requests for streams, so far
+ * @property {() => {method: string, version: string, path: string, status: number, bytes: number}[]} log of requests for streams, so far
  * @property {() => void} [flush] brings it up to date, soon
  * @property {() => void} close
  */
@@ -54,8 +59,8 @@ export const makeCertificate = work => {
 
 /** Lines of a log: method, protocol, status, bytes, path. @param {string} path */
 const readLog = path => readFileSync(path, 'utf8').split('\n').filter(line => /\.l4d/.test(line)).map(line => {
-  const [method, version, status, bytes] = line.split(' ');
-  return {method, version, status: Number(status), bytes: Number(bytes)};
+  const [method, version, status, bytes, path] = line.split(' ');
+  return {method, version, path, status: Number(status), bytes: Number(bytes)};
 });
 
 /** @param {string} program @param {string[]} args @param {number} port */
@@ -78,7 +83,7 @@ daemon off; pid ${work}/nginx.pid; error_log stderr error; worker_processes 1;
 events { worker_connections 64; }
 http {
   types { text/html html; text/javascript js; application/wasm wasm; }
-  log_format short '$request_method $server_protocol $status $body_bytes_sent $uri';
+  log_format short '$request_method $server_protocol $status $body_bytes_sent $request_uri';
   access_log ${log} short;
   ${['client_body', 'proxy', 'fastcgi', 'uwsgi', 'scgi'].map(name => `${name}_temp_path ${work}/nginx-${name};`).join(' ')}
   server {
@@ -103,7 +108,7 @@ server.bind = "127.0.0.1"
 server.port = ${plain}
 mimetype.assign = (".html" => "text/html", ".js" => "text/javascript", ".wasm" => "application/wasm")
 accesslog.filename = "${log}"
-accesslog.format = "%m %H %s %B %U"
+accesslog.format = "%m %H %s %B %U?%q"
 $SERVER["socket"] == "127.0.0.1:${secure}" { ssl.engine = "enable" ssl.pemfile = "${cert}" ssl.privkey = "${key}" }
 ${setting('#### lighttpd', 'lighttpd')}`);
   const {flush, close} = await run('lighttpd', ['-D', '-f', config], plain);
@@ -114,8 +119,8 @@ ${setting('#### lighttpd', 'lighttpd')}`);
 export const python = async ({folder}) => {
   const port = await freePort();
   const {said, close} = await run('python3', ['-m', 'http.server', String(port), '--bind', '127.0.0.1', '--directory', folder], port);
-  const log = () => [...said().matchAll(/"(\w+) \S+\.l4d (\S+)" (\d+)/g)].map(([, method, version, status]) =>
-    ({method, version, status: Number(status), bytes: 0}));
+  const log = () => [...said().matchAll(/"(\w+) (\S+\.l4d\S*) (\S+)" (\d+)/g)].map(([, method, path, version, status]) =>
+    ({method, version, path, status: Number(status), bytes: 0}));
   return {urls: {1: `http://127.0.0.1:${port}/`}, log, close};
 };
 
@@ -123,7 +128,7 @@ export const python = async ({folder}) => {
 const nodeServer = async ({certificate: {key, cert}}, answer) => {
   const seen = /** @type {any[]} */ ([]);
   const handle = (/** @type {any} */ request, /** @type {any} */ response) => {
-    const of = {method: request.method, version: `HTTP/${request.httpVersion}`, status: 0, bytes: 0};
+    const of = {method: request.method, version: `HTTP/${request.httpVersion}`, path: request.url, status: 0, bytes: 0};
     if (/\.l4d/.test(request.url)) seen.push(of);
     response.on('finish', () => { of.status = response.statusCode; });
     answer(request, response);

@@ -76,9 +76,9 @@ test('l4dcodec view follows a file that grows', async t => {
     const first = await state();
     assert.ok(first.live && Math.abs(first.duration - 4) < 1e-3 && first.streams >= 2, JSON.stringify(first));
     live.publish(6);
-    await page.waitForFunction(() => document.querySelector('l4d-player').movie.duration > 5.9, undefined, {timeout: 30000});
+    await page.waitForFunction(() => document.querySelector('l4d-player').movie.duration > 5.9);
     live.publish(Infinity);
-    await page.waitForFunction(() => !document.querySelector('l4d-player').movie.live, undefined, {timeout: 30000});
+    await page.waitForFunction(() => !document.querySelector('l4d-player').movie.live);
     assert.ok(Math.abs((await state()).duration - 8) < 1e-3);
     // What is shown at the end of it has come, too.
     const count = await page.evaluate(async () => {

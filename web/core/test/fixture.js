@@ -35,11 +35,45 @@ export const decoderOf = async (bytes, options) => {
 /** What the native tool prints as JSON. @param {...string} args */
 export const native = (...args) => JSON.parse(execFileSync(tool, [...args, '--json'], {maxBuffer: 2 ** 28}).toString());
 
-/** @param {() => boolean} condition @param {string} what */
+/** Waits until the condition holds. @param {() => boolean | Promise<boolean>} condition @param {string} what */
 export const until = async (condition, what) => {
-  for (let k = 0; k < 600; ++k) {
-    if (condition()) return;
+  for (const end = Date.now() + 60000; Date.now() < end;) {
+    if (await condition()) return;
     await new Promise(resolve => setTimeout(resolve, 25));
   }
   throw new Error(`waited in vain for ${what}`);
+};
+
+/**
+ * Timers of these lengths do not run while fn does, until it lets them: all others do, those of node and of its HTTP.
+ * @param {number[]} lengths in ms @param {(timers: {lapse: () => void, lapsed: number[], onstart: () => void}) => Promise<void>} fn
+ * lapse: ends those that run now; lapsed: how long they were; onstart: is called where one starts
+ */
+export const holdingTimers = async (lengths, fn) => {
+  const {setTimeout: start, clearTimeout: clear} = globalThis;
+  /** @type {Map<any, {ms: number, end: () => void}>} */
+  const held = new Map();
+  const timers = {
+    lapse: () => {
+      for (const [timer, {ms, end}] of [...held]) {
+        held.delete(timer);
+        timers.lapsed.push(ms);
+        end();
+      }
+    },
+    lapsed: /** @type {number[]} */ ([]), onstart: () => {}
+  };
+  globalThis.setTimeout = /** @type {any} */ ((/** @type {any} */ end, /** @type {any} */ ms, /** @type {any[]} */ ...given) => {
+    if (!lengths.includes(ms)) return start(end, ms, ...given);
+    const timer = {};
+    held.set(timer, {ms, end: () => end(...given)});
+    timers.onstart();
+    return timer;
+  });
+  globalThis.clearTimeout = (/** @type {any} */ timer) => { if (!held.delete(timer)) clear(timer); };
+  try {
+    await fn(timers);
+  } finally {
+    Object.assign(globalThis, {setTimeout: start, clearTimeout: clear});
+  }
 };

@@ -5,7 +5,7 @@ import {spawnSync} from 'node:child_process';
 import {mkdtempSync, rmSync, writeFileSync} from 'node:fs';
 import {tmpdir} from 'node:os';
 import {join} from 'node:path';
-import {test} from 'node:test';
+import {mock, test} from 'node:test';
 import {fetchError, L4DError} from '../src/errors.js';
 import {Session} from '../src/session.js';
 import {BlobSource, BufferSource, HttpSource} from '../src/sources.js';
@@ -187,32 +187,96 @@ test('a tier is the last that is fetched where more are not wanted', async () =>
   }
 });
 
-test('a link that is too slow for all plays what it can bring, without a stall', async () => {
-  const tiers = read(streamOf('tiers'));
-  const server = await serve(tiers, {rate: 70_000});  // of 50,000 for a second of it all, which is not enough here
+/**
+ * A clock that goes on only while fn waits for it: what is computed takes no time, on however busy a machine.
+ * @param {(clock: {now: () => number, wait: (ms: number) => Promise<void>, run: (ms: number) => Promise<void>}) => Promise<void>} fn
+ * wait: until it has gone on so far; run: lets it go on so far, and each that waits do what it does then
+ */
+const withOwnClock = async fn => {
+  let time = 1000;
+  /** @type {{at: number, wake: () => void}[]} */
+  const waiting = [];
+  /** All that follows from what has happened is done, however many steps it takes: nothing of it waits for anything else. */
+  const settle = async () => { for (let k = 0; k < 50; ++k) await new Promise(resolve => setImmediate(resolve)); };
+  const mocked = mock.method(performance, 'now', () => time);
   try {
-    const s = sessionOf(new HttpSource(server.url));
-    const info = await s.session.open();
-    const goal = (/** @type {number} */ time) => ({time, ahead: 6, detail: /** @type {const} */ ('auto'), playing: true});
-    s.session.want(goal(info.timeBegin), true);
-    await until(() => s.of('ready').length > 0, 'the first picture');
-    const began = performance.now();
-    let late = 0;
-    for (let time = info.timeBegin; time < info.timeBegin + 3; time = info.timeBegin + (performance.now() - began) / 1000) {
-      s.session.want(goal(time), false);
-      const until = Math.max(...s.of('ready').map(r => r.until));
-      if (time > until) ++late;
-      await new Promise(resolve => setTimeout(resolve, 250));
-    }
-    assert.ok(late <= 1, `${late} of 12 instants were late`);
-    // The instant in full would have come first without the controller.
-    assert.equal(s.of('ready').find(r => r.until > info.timeBegin + 1)?.detail, 'base');
-    assert.deepEqual(s.of('error'), []);
-    s.session.dispose();
+    await fn({
+      now: () => time,
+      wait: ms => new Promise(resolve => waiting.push({at: time + Math.max(ms, 0), wake: () => resolve(undefined)})),
+      run: async ms => {
+        const end = time + ms;
+        for (;;) {
+          await settle();
+          const next = waiting.reduce((first, one) => one.at < first.at ? one : first, {at: end, wake: () => {}});
+          time = next.at;
+          const index = waiting.indexOf(next);
+          if (index < 0) return;
+          waiting.splice(index, 1);
+          next.wake();
+        }
+      }
+    });
   } finally {
-    server.close();
+    mocked.mock.restore();
   }
-});
+};
+
+/**
+ * fetch() of ranges of a file over one line of so many bytes a second, which all answers share.
+ * @param {Uint8Array} file @param {number} rate @param {{now: () => number, wait: (ms: number) => Promise<void>}} clock
+ */
+const slowFetch = (file, rate, clock) => {
+  let free = 0;
+  return async (/** @type {string} */ _url, /** @type {any} */ {headers, signal}) => {
+    const [, first, last] = /** @type {RegExpExecArray} */ (/^bytes=(\d+)-(\d+)$/.exec(headers.Range));
+    const [begin, end] = [Number(first), Math.min(Number(last) + 1, file.length)];
+    let at = begin;
+    const body = new ReadableStream({
+      start: control => signal.addEventListener('abort', () => control.error(signal.reason), {once: true}),
+      pull: async control => {
+        const piece = file.slice(at, Math.min(at + 4096, end));
+        free = Math.max(free, clock.now()) + 1000 * piece.length / rate;
+        await clock.wait(free - clock.now());
+        if (signal.aborted) return;
+        at += piece.length;
+        control.enqueue(piece);
+        if (at === end) control.close();
+      }
+    }, {highWaterMark: 1});
+    return new Response(body, {status: 206, headers: {'Content-Range': `bytes ${begin}-${end - 1}/${file.length}`, ETag: '"1"'}});
+  };
+};
+
+test('a link that is too slow for all plays what it can bring, without a stall', () => withOwnClock(async clock => {
+  // Of 50,000 for a second of it all, which is not enough here.
+  const fetching = /** @type {any} */ (slowFetch(read(streamOf('tiers')), 70_000, clock));
+  const s = sessionOf(new HttpSource('http://slow.example/scene.l4d', {fetch: fetching, timeout: 300}));
+  /** Lets the clock go on until this holds. @param {() => boolean} condition @param {string} what */
+  const untilThen = async (condition, what) => {
+    for (const end = Date.now() + 60000; !condition();) {
+      assert.ok(Date.now() < end, `waited in vain for ${what}`);
+      await clock.run(25);
+    }
+  };
+  let info = /** @type {any} */ (null);
+  void s.session.open().then(opened => { info = opened; });
+  await untilThen(() => info !== null, 'the file to be opened');
+  const goal = (/** @type {number} */ time) => ({time, ahead: 6, detail: /** @type {const} */ ('auto'), playing: true});
+  s.session.want(goal(info.timeBegin), true);
+  await untilThen(() => s.of('ready').length > 0, 'the first picture');
+  let late = 0;
+  for (let k = 0; k < 12; ++k) {
+    const time = info.timeBegin + k / 4;
+    s.session.want(goal(time), false);
+    if (time > Math.max(...s.of('ready').map(r => r.until))) ++late;
+    await clock.run(250);
+  }
+  assert.ok(late <= 1, `${late} of 12 instants were late`);
+  // The instant in full would have come first without the controller.
+  assert.equal(s.of('ready').find(r => r.until > info.timeBegin + 1)?.detail, 'base');
+  assert.deepEqual(s.of('error'), []);
+  s.session.dispose();
+}));
 
 test('a seek to the instant that is under way cancels nothing, and is answered', async () => {
   const server = await serve(bytes, {rate: 400_000});
