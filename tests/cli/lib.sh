@@ -14,6 +14,17 @@ skip() {
 
 l4d() { "$L4DCODEC" "$@"; }
 
+# wait_for WHAT COMMAND...: until the command succeeds. Long enough for a machine that has much else to do.
+wait_for() {
+  local what=$1 end=$((SECONDS + 120))
+  shift
+  until "$@"; do
+    [ "$SECONDS" -lt "$end" ] || die "still not after 120 s: $what"
+    sleep 0.05
+  done
+}
+has_ended() { ! kill -0 "$1" 2> /dev/null; }
+
 # expect STATUS ARGUMENTS...: runs the tool, keeps stdout in `out` and stderr in `err`.
 expect() {
   local want=$1 status=0
@@ -129,15 +140,13 @@ has_player() {
 
 # start_server VERB ARGUMENTS...: leaves the address in `url` and the process in `server`, which ends with the script.
 server=
+says_address() { [ -s address ] || has_ended "$server"; }
 start_server() {
   trap '[ -z "$server" ] || kill "$server" 2> /dev/null || true' EXIT
   rm -f address  # what is there would be read before the process behind `&` empties it
   "$L4DCODEC" "$@" > address 2> err &
   server=$!
-  for _ in $(seq 600); do
-    [ -s address ] && break
-    sleep 0.05
-  done
+  wait_for "an address of l4dcodec $*" says_address
   url=$(head -1 address)
   case $url in
     http://127.0.0.1:*/????????????????????????????????/) ;;

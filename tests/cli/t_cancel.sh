@@ -19,7 +19,7 @@ for line in process.stderr:
     if '"encode"' in line:
         break
 process.send_signal(signal.SIGINT)
-out, err = process.communicate(timeout=60)
+out, err = process.communicate(timeout=300)
 open("out", "w").write(out)
 print(process.returncode)
 END

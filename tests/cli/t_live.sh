@@ -48,15 +48,12 @@ expect_json out 'd["num_pieces"] == 3 and d["num_media"] == 3 and d["end"] == 6'
 expect_document 0 validate pieces.l4d
 l4d encode --live parts -o folder.l4d --playlist folder.m3u8 --quiet &
 encoder=$!
+has_segments() { [ "$(grep -c EXTINF folder.m3u8 2> /dev/null)" = "$1" ]; }
 for k in 0 1 2; do
   cp "$k.ply" "parts/.$k"
   mv "parts/.$k" "parts/$k.ply"
-  for _ in $(seq 200); do
-    [ "$(grep -c EXTINF folder.m3u8 2> /dev/null)" = $((k + 1)) ] && break
-    sleep 0.05
-  done
+  wait_for "segment $k" has_segments $((k + 1))
   # What is there plays, while no index is.
-  expect_equal "$(grep -c EXTINF folder.m3u8)" $((k + 1))
   expect_equal "$(grep -c ENDLIST folder.m3u8 || true)" 0
   expect_document 0 info folder.l4d
   expect_json out "sum(m['role'] == 'media' for m in d['members']) == $k + 1"
@@ -86,14 +83,16 @@ for time in 0.5 2 5.9; do
 done
 
 # Killed anywhere, every whole member is there, and repair writes the index.
-for delay in 0.02 0.1 0.2 0.3 0.4; do
+many=(encode --live s.ply --segment 0.2 --preset archive --quiet)
+expect 0 "${many[@]}" -o many.l4d
+has_bytes() { [ "$(stat -c %s killed.l4d 2> /dev/null)" -ge "$1" ] 2> /dev/null || has_ended "$victim"; }
+for percent in 0 20 40 60 80; do
   rm -f killed.l4d
-  l4d encode --live s.ply --segment 0.2 --preset archive -o killed.l4d --quiet 2> /dev/null &
+  "$L4DCODEC" "${many[@]}" -o killed.l4d 2> /dev/null &
   victim=$!
-  sleep "$delay"
+  wait_for "$percent % of a file" has_bytes $(($(stat -c %s many.l4d) * percent / 100 + 1))
   kill -9 "$victim" 2> /dev/null || true
   wait "$victim" 2> /dev/null || true
-  [ -s killed.l4d ] || continue
   expect 0 repair killed.l4d -o repaired.l4d --force
   expect 0 validate repaired.l4d
 done

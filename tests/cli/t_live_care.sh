@@ -4,14 +4,6 @@
 l4d synth --scene cloud -q -n 3k --seconds 4 --fps 30 --seed 3 -o s.ply
 expect 0 encode s.ply -o old.l4d
 
-wait_for() { # CONDITION...: until it holds
-  local _
-  for _ in $(seq 400); do
-    if "$@"; then return; fi
-    sleep 0.05
-  done
-  die "never: $*"
-}
 temporaries() { find . -name '*.l4dtmp*' | grep -q .; }
 has_segments() { [ -e "$1" ] && [ "$(grep -c EXTINF "$1")" -ge "$2" ]; }
 
@@ -23,7 +15,7 @@ mkdir in
 expect 3 encode --live in -o out.l4d
 "$L4DCODEC" encode --live in -f -o out.l4d --playlist out.m3u8 -q 2> first.err &
 first=$!
-wait_for temporaries
+wait_for "a temporary file" temporaries
 cmp out.l4d kept.l4d || die "the old file is gone"
 expect_text out.m3u8 old
 # One writer at a time: before its first member, and after it.
@@ -31,7 +23,7 @@ expect 3 encode --live in -f -o out.l4d
 expect_text err 'out.l4d: another process is writing this file'
 cp s.ply in/.0
 mv in/.0 in/0.ply
-wait_for has_segments out.m3u8 2
+wait_for "two segments" has_segments out.m3u8 2
 expect 3 encode --live s.ply -f -o out.l4d
 expect_text err 'another process is writing this file'
 touch in/end
@@ -141,10 +133,9 @@ expect_document 0 encode --live in -o numbers.l4d
 expect_json out 'd["num_pieces"] == 4 and d["end"] == 12'
 rm in/end
 l4d encode --live in -o behind.l4d --json > behind.json &
-until [ -e behind.l4d ] || ! kill -0 $!; do sleep 0.05; done
+wait_for "the first member" test -e behind.l4d
 cp in/piece_8.ply in/piece_7.ply
-sleep 0.3
-touch in/end
+touch in/end  # it looks at the pieces once more when it finds this
 wait $!
 expect_json behind.json 'sum("piece_7.ply came after" in n for n in d["notes"]) == 1'
 
@@ -164,7 +155,7 @@ for signal in INT TERM; do
   cp q0.ply in/0.ply
   "$L4DCODEC" encode --live in -f -o stopped.l4d --playlist stopped.m3u8 2> err &
   pid=$!
-  wait_for has_segments stopped.m3u8 1
+  wait_for "a segment" has_segments stopped.m3u8 1
   kill -$signal "$pid"
   status=0
   wait "$pid" || status=$?

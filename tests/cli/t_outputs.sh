@@ -54,27 +54,28 @@ process.wait()
 assert os.listdir("tmp") == [], os.listdir("tmp")
 END
 
-# SIGKILL leaves a temporary file; the next run of that name removes it.
+# SIGKILL leaves a temporary file; the next run of that name removes it. The first one waits in the middle of its work:
+# its progress goes to a pipe that has room for one line.
 mkdir killed
 "$PYTHON" - "$L4DCODEC" << 'END'
+import fcntl
 import os
 import subprocess
 import sys
 import time
-for attempt in range(20):
-    command = [sys.argv[1], "synth", "--scene", "cloud", "-n", "100k", "-o", "killed/big.ply"]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    while process.poll() is None and not os.listdir("killed"):
-        time.sleep(0.001)
-    process.kill()
-    process.wait()
-    if "big.ply" not in os.listdir("killed"):
-        break
-    os.remove("killed/big.ply")
-assert os.listdir("killed") == ["big.ply.l4dtmp0"], os.listdir("killed")
+unread, full = os.pipe2(os.O_DIRECT)  # each line takes a page of its own
+fcntl.fcntl(full, 1031, 4096)  # F_SETPIPE_SZ, which Python has from 3.10 on
+process = subprocess.Popen([sys.argv[1], "encode", "s.ply", "-o", "killed/s.l4d", "--progress", "json"], stderr=full)
+end = time.monotonic() + 120
+while not os.listdir("killed"):
+    assert process.poll() is None and time.monotonic() < end, "no temporary file"
+    time.sleep(0.05)
+process.kill()
+process.wait()
 END
-expect 0 synth --scene cloud -n 100 -o killed/big.ply
-expect_equal "$(ls killed)" big.ply
+expect_equal "$(ls killed)" s.l4d.l4dtmp0
+expect 0 encode s.ply -o killed/s.l4d
+expect_equal "$(ls killed)" s.l4d
 
 # A link that leads nowhere is not replaced, and followed only with --force.
 mkdir there

@@ -24,7 +24,7 @@ size=$(wc -c < files/a.l4d)
 get() {
   local path=$1
   shift
-  status=$(curl -s --path-as-is --max-time 20 -D headers -o body -w '%{http_code}' "$@" "${url%/}$path")
+  status=$(curl -s --path-as-is --max-time 120 -D headers -o body -w '%{http_code}' "$@" "${url%/}$path")
   tr -d '\r' < headers > head.text
 }
 expect_status() {
@@ -101,15 +101,15 @@ for list in '"other"' "${tag%\"}" 'x'; do
   expect_status 200 "If-None-Match: $list"
 done
 # The connection goes on after an answer without a body.
-curl -s --max-time 20 -w '%{http_code} %{num_connects}\n' -H "If-None-Match: $tag" "${url}a.l4d" "${url}a.l4d" > codes
+curl -s --max-time 120 -w '%{http_code} %{num_connects}\n' -H "If-None-Match: $tag" "${url}a.l4d" "${url}a.l4d" > codes
 expect_equal "$(paste -s -d ' ' codes)" "304 1 304 0"
 get /a.l4d -H 'If-Match: "other"'
 expect_status 412 "If-Match of another file"
 get /a.l4d -H "If-Match: $tag"
 expect_status 200 "If-Match"
 # A client that caches.
-curl -s --max-time 20 --etag-save tag.text -o cached "${url}a.l4d"
-curl -s --max-time 20 --etag-compare tag.text -o again -w '%{http_code}' "${url}a.l4d" > code
+curl -s --max-time 120 --etag-save tag.text -o cached "${url}a.l4d"
+curl -s --max-time 120 --etag-compare tag.text -o again -w '%{http_code}' "${url}a.l4d" > code
 expect_equal "$(cat code)" 304
 touch -d '2001-01-01' files/a.l4d
 get /a.l4d -H "Range: bytes=0-9" -H "If-Range: $tag"
@@ -118,10 +118,10 @@ get /a.l4d -H "If-None-Match: $tag"
 expect_status 200 "a changed file that is cached"
 
 # HEAD has the length and no body.
-curl -s --max-time 20 -I "${url}a.l4d" | tr -d '\r' > head.text
+curl -s --max-time 120 -I "${url}a.l4d" | tr -d '\r' > head.text
 expect_text head.text '^HTTP/1.1 200'
 expect_text head.text "^Content-Length: $size\$"
-curl -s --max-time 20 -I -H 'Range: bytes=0-9' "${url}a.l4d" | tr -d '\r' > head.text
+curl -s --max-time 120 -I -H 'Range: bytes=0-9' "${url}a.l4d" | tr -d '\r' > head.text
 expect_text head.text '^HTTP/1.1 200'
 
 # Folders below, links within and the list; nothing else.
@@ -144,7 +144,7 @@ Links().feed(open(sys.argv[1], encoding="utf-8").read())
 END
   statuses=
   while read -r target; do
-    statuses+="$(curl -s --max-time 20 -o linked -w '%{http_code}' "$target") "
+    statuses+="$(curl -s --max-time 120 -o linked -w '%{http_code}' "$target") "
   done < targets
 }
 links /
@@ -237,11 +237,11 @@ rm -r files/play files/player files/play.l4d
 
 # Many at a time, while some read slowly.
 for k in 1 2 3 4; do
-  curl -s --max-time 60 --limit-rate 4000 -r 0-7999 -o "slow.$k" "${url}a.l4d" &
+  curl -s --max-time 120 --limit-rate 4000 -r 0-7999 -o "slow.$k" "${url}a.l4d" &
   slow[k]=$!
 done
 for k in $(seq 24); do
-  curl -s --max-time 20 -o "many.$k" "${url}a.l4d" &
+  curl -s --max-time 120 -o "many.$k" "${url}a.l4d" &
   many[k]=$!
 done
 for k in $(seq 24); do
@@ -266,11 +266,7 @@ with socket.create_connection((host, int(port))) as s:
     time.sleep(60)
 END
 reader=$!
-for _ in $(seq 200); do
-  [ -e stalled ] && break
-  sleep 0.05
-done
-[ -e stalled ] || die "no reader that stalls"
+wait_for "a reader that stalls" test -e stalled
 kill -INT "$server"
 wait "$server" || die "exit status $?"
 kill "$reader"
@@ -282,10 +278,7 @@ expect_text address 'requests'
 rm -f out
 "$L4DCODEC" serve files --json > out 2> err &
 server=$!
-for _ in $(seq 200); do
-  [ -s out ] && break
-  sleep 0.05
-done
+wait_for "the line of serve --json" test -s out
 head -1 out > listening
 expect_equal "$(wc -l < out)" 1
 "$PYTHON" "$ROOT/tests/cli/check_schema.py" "$ROOT/docs/schema" listening || die "serve --json, when it listens"

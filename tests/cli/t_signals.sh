@@ -10,9 +10,11 @@ mkdir d
 printf 'what was there before' > before
 
 # Commands in the background of a script ignore SIGINT, so a small program sends it: the moments are
-# lines of progress and a delay after each. It prints how many of the commands were cancelled.
+# lines of progress and a delay after each. However late it is, the command is not far ahead: it waits where a line
+# before its last one has not been read. It prints how many of the commands were cancelled.
 signals() {
   "$PYTHON" - "$@" << 'END'
+import fcntl
 import filecmp
 import os
 import shutil
@@ -29,8 +31,12 @@ for moment in range(14):
     output = os.path.join("d", name)
     if moment % 2 == 0:
         shutil.copy("before", output)
+    progress, written = os.pipe2(os.O_DIRECT)  # each line takes a page of its own, of which there is one
+    fcntl.fcntl(written, 1031, 4096)  # F_SETPIPE_SZ, which Python has from 3.10 on
     process = subprocess.Popen([tool, *command, "-o", output, "--force", "--progress", "json"],
-                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+                               stdout=subprocess.PIPE, stderr=written, text=True)
+    os.close(written)
+    process.stderr = os.fdopen(progress)
     for _ in range(1 + moment // 2):
         if not process.stderr.readline():
             break

@@ -16,10 +16,7 @@ END
 chmod +x programs/xdg-open
 export PATH=$PWD/programs:$PATH DISPLAY=:0
 start_server view files
-for _ in $(seq 200); do
-  [ -e opened ] && break
-  sleep 0.05
-done
+wait_for "xdg-open" test -e opened
 opened=$(cat opened)
 token=$(echo "$url" | cut -d/ -f4)
 case $opened in
@@ -27,7 +24,7 @@ case $opened in
   *) die "xdg-open got '$opened'" ;;
 esac
 case $opened in *"$token"*) die "xdg-open got the token" ;; esac
-codes() { curl -s --max-time 20 -o got -w '%{http_code} %{redirect_url}' "$@"; }
+codes() { curl -s --max-time 120 -o got -w '%{http_code} %{redirect_url}' "$@"; }
 # Programs of other users get nothing, and use nothing up.
 if [ "$(id -u)" -eq 0 ]; then
   other=$("$PYTHON" - "$opened" << 'END'
@@ -37,7 +34,7 @@ os.setgroups([])
 os.setgid(65534)
 os.setuid(65534)
 try:
-    print(urllib.request.urlopen(sys.argv[1], timeout=20).geturl())
+    print(urllib.request.urlopen(sys.argv[1], timeout=120).geturl())
 except urllib.error.HTTPError as error:
     print(error.code)
 END

@@ -60,7 +60,7 @@ def peak(command):
             "code=subprocess.run(sys.argv[1:],stdout=subprocess.DEVNULL).returncode\n" \
             "open('peak','w').write(str(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss))\n" \
             "sys.exit(code)"
-    done = subprocess.run([sys.executable, "-c", child] + command, stderr=subprocess.PIPE, timeout=120)
+    done = subprocess.run([sys.executable, "-c", child] + command, stderr=subprocess.PIPE, timeout=300)
     return done.returncode, 1024 * int(open("peak").read()), done.stderr.decode(errors="replace")
 
 

@@ -13,6 +13,16 @@ die() {
   echo "  $*" >&2
   exit 1
 }
+# wait_for WHAT COMMAND...: until the command succeeds. Long enough for a machine that has much else to do.
+wait_for() {
+  local what=$1 end=$((SECONDS + 120))
+  shift
+  until "$@"; do
+    [ "$SECONDS" -lt "$end" ] || { cat ./*err >&2; die "still not after 120 s: $what"; }
+    sleep 0.02
+  done
+}
+has_checkpoint() { compgen -G "$1/checkpoint-*.l4dtrain" >found; }
 # expect STATUS PATTERN ARGUMENTS...: runs l4dtrain; stderr or stdout matches the pattern.
 expect() {
   local want=$1 pattern=$2 status=0
@@ -76,10 +86,7 @@ sums | cmp before - || die "an input was replaced"
 # What is killed goes on from its last checkpoint, and reaches the same bits.
 "$train" train "${options[@]}" -o killed --steps 400 --checkpoint-every 0.1 -q >out 2>err &
 pid=$!
-for _ in $(seq 200); do
-  compgen -G "killed/checkpoint-*.l4dtrain" >found && break
-  sleep 0.02
-done
+wait_for "a checkpoint of killed" has_checkpoint killed
 kill -9 "$pid" 2>/dev/null || true
 wait "$pid" || true
 # All options but --resume are those of the run, and it may be started from anywhere.
@@ -91,16 +98,13 @@ cmp whole/scene.ply killed/scene.ply || die "a run that was killed and resumed d
 # What is asked to stop writes a checkpoint and says so.
 "$train" train "${options[@]}" -o stopped --steps 400000 -q >out 2>err &
 pid=$!
-for _ in $(seq 200); do
-  [ -s stopped/log.jsonl ] && break
-  sleep 0.02
-done
+wait_for "the log of stopped" test -s stopped/log.jsonl
 kill -TERM "$pid"
 status=0
 wait "$pid" || status=$?
 [ "$status" -eq 130 ] || { cat err >&2; die "SIGTERM: exit status $status, not 130"; }
 grep -q "resume" err || die "SIGTERM: nothing says how to go on"
-compgen -G "stopped/checkpoint-*.l4dtrain" >found || die "SIGTERM: there is no checkpoint"
+has_checkpoint stopped || die "SIGTERM: there is no checkpoint"
 
 # A folder that has something, and no run, is left as it is, also with --force.
 mkdir foreign
@@ -119,15 +123,9 @@ cat foreign/* | cksum | cmp before - || die "a file of someone else was replaced
 # Under nohup, tests inherit that SIGHUP is ignored.
 env --default-signal=HUP "$train" train "${options[@]}" -o busy --steps 400000 -q >out 2>busy.err &
 pid=$!
-for _ in $(seq 200); do
-  [ -s busy/log.jsonl ] && break
-  sleep 0.02
-done
+wait_for "the log of busy" test -s busy/log.jsonl
 kill -USR1 "$pid"
-for _ in $(seq 200); do
-  compgen -G "busy/checkpoint-*.l4dtrain" >found && break
-  sleep 0.02
-done
+wait_for "the checkpoint of SIGUSR1" has_checkpoint busy
 expect 2 "another training is at work" train "${options[@]}" -o busy --steps 400000 --force -q
 expect 2 "another training is at work" train "${options[@]}" -o busy --steps 400000 --resume -q
 [ -s busy/log.jsonl ] || die "a training that was refused removed files"
@@ -143,10 +141,7 @@ expect 0 "4 cameras" capture long.ply -o late --cameras 4 --size 48x40
 "$train" train late --gaussians 300 --sh-degree 0 --views 2 --init frustum --exposure off --host-memory 600k \
   -o late_run --steps 400000 -q >out 2>late.err &
 pid=$!
-for _ in $(seq 200); do
-  [ -s late_run/log.jsonl ] && break
-  sleep 0.02
-done
+wait_for "the log of late_run" test -s late_run/log.jsonl
 cp -r late late_kept
 cp -r late long_capture
 for image in late/images/*/*.png; do printf 'no image' >"$image"; done
@@ -154,16 +149,14 @@ status=0
 wait "$pid" || status=$?
 [ "$status" -eq 4 ] || { cat late.err >&2; die "a damaged image: exit status $status, not 4"; }
 grep -q "goes on from step" late.err || { cat late.err >&2; die "a damaged image: nothing says how to go on"; }
-compgen -G "late_run/checkpoint-*.l4dtrain" >found || die "a damaged image: there is no checkpoint"
+has_checkpoint late_run || die "a damaged image: there is no checkpoint"
 at=$(sed -n 's/.*goes on from step \([0-9]*\).*/\1/p' late.err)
 cp -r late_kept/. late
 lines=$(wc -l <late_run/log.jsonl)
 "$train" train late -o late_run --resume --accept-changes -q >out 2>late.err &
 pid=$!
-for _ in $(seq 200); do
-  [ "$(wc -l <late_run/log.jsonl)" -gt "$lines" ] && break
-  sleep 0.02
-done
+logs_more() { [ "$(wc -l <late_run/log.jsonl)" -gt "$lines" ]; }
+wait_for "more of the log of late_run" logs_more
 kill -TERM "$pid"
 wait "$pid" || true
 [ "$(sed -n 's/.*cancelled at step \([0-9]*\).*/\1/p' late.err)" -ge "$at" ] || {
@@ -212,10 +205,7 @@ expect 2 "at least 31 pixels a side; these have 24 x 20" \
 # A verb that has no work to keep ends with the first signal.
 "$train" capture long.ply -o endless --cameras 1000 --size 320x240 -q >out 2>err &
 pid=$!
-for _ in $(seq 200); do
-  [ -s endless/images/cam00/0000.png ] && break
-  sleep 0.02
-done
+wait_for "an image of a capture" test -s endless/images/cam00/0000.png
 kill -TERM "$pid"
 status=0
 wait "$pid" || status=$?
