@@ -67,7 +67,7 @@ def run(root, table, name, inputs, command, mode):
         if mode == "write":
             write(table, name, before)
         else:
-            print(f"passed with new inputs; for {table.name}:\n{name} {before}")
+            print(f"for tests/{table.name}: {name} {before}")
     return status
 
 
