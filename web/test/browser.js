@@ -46,7 +46,9 @@ export const serve = async (streams, faults = {}, folder = 'build/web/player', h
     const match = /^bytes=(\d+)-(\d*)$/.exec(request.headers.range ?? '');
     await faults.hold?.(Number(match?.[1] ?? 0));
     const etag = faults.etag ?? '"1"';
-    const part = match && faults.ranges !== false;
+    // A browser asks whether the part that it keeps is still of this file. To answer with a part then says that it is.
+    const isSame = (request.headers['if-range'] ?? etag) === etag;
+    const part = match && faults.ranges !== false && isSame;
     const begin = part ? Number(match[1]) : 0;
     const end = part && match[2] ? Math.min(Number(match[2]) + 1, bytes.length) : bytes.length;
     requests.push([begin, end - begin]);
