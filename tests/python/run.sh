@@ -27,5 +27,5 @@ if [[ $what == mypy ]]; then
   # As a user of the package sees it, and its own modules.
   "$python" -m mypy --strict --cache-dir "$work" "$folder/l4dcodec" "$source"/tests/python/*.py
 else
-  "$python" -m pytest -q -p no:cacheprovider --rootdir "$source/tests/python" "$source/tests/python" "$@"
+  "$python" -m pytest -q -p no:cacheprovider --hypothesis-seed=2027 --rootdir "$source/tests/python" "$source/tests/python" "$@"
 fi
