@@ -123,17 +123,17 @@ test('rows that come one by one and make others go: each picture is whole', () =
   isWhole('layered', {from: 0.2, jump: 6.5, seconds: 1, sortMs: 20, rowMs: 30, maxRows: 20000}));
 
 test('a view of a movie whose instant failed shows what there is, and waits for the next one', async () => {
-  const faults = {};
-  const server = await serve({'layered.l4d': join(work, 'layered.l4d')}, faults);
+  const server = await serve({'layered.l4d': join(work, 'layered.l4d')});
   const page = await blankPage(browser, server.url);
   try {
     await page.evaluate(async () => {
       const {open} = await import(/** @type {any} */ ('/player.js'));
-      const movie = await open('/layered.l4d', {cacheBytes: 1 << 20});
-      await movie.seek(0.2);
+      // From the first picture on nothing is found: what comes ahead of it would be there for the next instant.
+      let isLost = false;
+      const movie = await open('/layered.l4d', {cacheBytes: 1 << 20, request: ({url}) => ({url: isLost ? '/nowhere' : url})});
+      await movie.seek(0.2).then(() => { isLost = true; });
       Object.assign(globalThis, {movie});
     });
-    faults.status = 404;
     const found = await page.evaluate(async () => {
       const {View} = await import(/** @type {any} */ ('/player.js'));
       const {movie} = /** @type {any} */ (globalThis);
