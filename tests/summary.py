@@ -154,14 +154,15 @@ def print_skipped(skipped, out):
         print(f"skipped: {names[0]}{more}: {reason}", file=out)
 
 
-def print_new_inputs(build, out):
-    """What unchanged.py says of tests that passed: ctest shows what a test printed only if it failed."""
+def print_what_passing_tests_say(build, out):
+    """What unchanged.py says of tests that passed, and web/test/run.sh of those that did so when they ran again: ctest
+    shows what a test printed only if it failed."""
     try:
         text = (build / "results" / "ctest.xml").read_text(encoding="utf-8")
     except OSError:
         return
-    for line in re.findall(r"^for tests/unchanged[.]txt: (\S+ [0-9a-f]{32})$", text, re.M):
-        print(f"for tests/unchanged.txt: {line}", file=out)
+    for line in re.findall(r"^(for tests/unchanged[.]txt: \S+ [0-9a-f]{32}|failed at first: .+)$", text, re.M):
+        print(line, file=out)
 
 
 def summarise(builds, parts, out, why=None):
@@ -169,7 +170,7 @@ def summarise(builds, parts, out, why=None):
     times, results = [], []
     for build in map(pathlib.Path, builds):
         of_tests, of_cases = read(build)
-        print_new_inputs(build, out)
+        print_what_passing_tests_say(build, out)
         times += [(taken, build.name, name) for taken, name in of_tests]
         results += [r._replace(name=f"{build.name}: {r.name}") for r in of_cases]
     print_parts(parts, out)
@@ -251,7 +252,9 @@ def self_test():
         (passes, None, False, "failed: #: io/S.A: did not run", "1 passed, 3 failed, 2 skipped"),
         ('<testcase name="d" time="1" status="run"><system-out>passed\nfor tests/unchanged.txt: d ' + "0a" * 16 +
          "\n</system-out></testcase>", None, True, "for tests/unchanged.txt: d " + "0a" * 16,
-         "2 passed, 0 failed, 2 skipped")]
+         "2 passed, 0 failed, 2 skipped"),
+        ('<testcase name="d" time="1" status="run"><system-out>\nfailed at first: a page\nok</system-out></testcase>', None,
+         True, "failed at first: a page", "2 passed, 0 failed, 2 skipped")]
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         for number, (more, cases, good, line, last) in enumerate(table):
