@@ -46,7 +46,7 @@ class Contents {
     io::InputFile file(path);
     size_ = file.size();
     if (size_ < kTrailerBytes) return;
-    file.seek(size_ - kTrailerBytes);
+    for (uint64_t left = size_ - kTrailerBytes; left > 0;) left -= read(file, left);
     unsigned char trailer[kTrailerBytes];
     if (file.read(trailer, kTrailerBytes) != kTrailerBytes) fail();
     if (std::memcmp(trailer, kMagic, sizeof(kMagic)) != 0) return;

@@ -5,7 +5,6 @@
 #include <tuple>
 
 #include "bench/accuracy/sections.h"
-#include "l4d/experimental/parameters.h"
 
 namespace l4d::bench {
 namespace {
@@ -28,11 +27,11 @@ constexpr Try kReference = {10, 24, 15};
 
 Try of_effort(int effort) {
   EncoderHandle e;
-  e.check(l4d_encoder_set(e.get(), L4D_ENC_EFFORT, effort));
+  e.check(l4d_encoder_set(e.get(), L4D_ENC_EFFORT, L4D_ALL_COMPONENTS, effort));
   Try t{};
-  e.check(l4d_encoder_get(e.get(), L4D_ENC_KMEANS_ITERATIONS, &t.iterations));
-  e.check(l4d_encoder_get(e.get(), L4D_ENC_KMEANS_SAMPLE, &t.sample));
-  e.check(l4d_encoder_get(e.get(), L4D_ENC_ZSTD_LEVEL, &t.zstd));
+  e.check(l4d_encoder_get(e.get(), L4D_ENC_KMEANS_ITERATIONS, L4D_ALL_COMPONENTS, &t.iterations));
+  e.check(l4d_encoder_get(e.get(), L4D_ENC_KMEANS_SAMPLE, L4D_ALL_COMPONENTS, &t.sample));
+  e.check(l4d_encoder_get(e.get(), L4D_ENC_ZSTD_LEVEL, L4D_ALL_COMPONENTS, &t.zstd));
   return t;
 }
 
@@ -60,7 +59,7 @@ class Trial {
   }
 
  private:
-  Outcome raw(const Try& t, const std::vector<double>& stages) {
+  Outcome raw(const Try& t, const std::vector<float>& stages) {
     const Coding c = staged("", 4096, stages, stages)
                          .with(L4D_ENC_KMEANS_ITERATIONS, t.iterations)
                          .with(L4D_ENC_KMEANS_SAMPLE, t.sample)

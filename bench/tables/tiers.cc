@@ -58,23 +58,27 @@ struct Bench {
     original = render_all(renderer, cameras, scene.scene.timeline);
   }
 
-  void print(const char* name, const std::vector<double>& shares) {
+  void print(const char* name, const std::vector<float>& shares) {
     EncoderHandle encoder = make_encoder(scene, sh, "default");
-    encoder.set_list(L4D_ENC_TIERS, shares);
+    encoder.check(
+        l4d_encoder_set_tiers(encoder.get(), static_cast<uint32_t>(shares.size()), shares.data()));
     const std::vector<unsigned char> file = encoder.encode();
     for (uint32_t tier = 0; tier <= shares.size(); ++tier) {
       for (const uint32_t detail : {L4D_DETAIL_BASE_COLOR, L4D_DETAIL_FULL}) {
         DecoderHandle decoder;
         decoder.open_memory(file.data(), file.size());
-        const l4d_operating_point point = {0, tier + 1, detail, 0};
+        decoder.set_detail(detail);
+        decoder.set_layers(UINT32_MAX, tier);
         l4d_query query = whole_query();
-        query.point = point;
+        query.max_tier = tier;
+        query.detail = detail;
         const l4d_selection selection = decoder.select(query);
         query = time_query(scene.scene.timeline.time_begin);
-        query.point = point;
+        query.max_tier = tier;
+        query.detail = detail;
         const l4d_selection first = decoder.select(query);
         RendererHandle renderer;
-        renderer.set_decoder(decoder, point);
+        renderer.set_decoder(decoder);
         const double fidelity = psnr(original, render_all(renderer, cameras, scene.scene.timeline));
         std::printf("| %s | %u | %s | %llu | %.1f | %.1f | %.1f | %.1f |\n", name, tier,
                     detail == L4D_DETAIL_FULL ? "full" : "base colour",

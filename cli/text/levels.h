@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "cli/common.h"
-#include "l4d/experimental/inspect.h"
 
 namespace l4d::cli {
 

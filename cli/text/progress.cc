@@ -12,8 +12,7 @@
 namespace l4d::cli {
 namespace {
 
-int32_t interrupt_flag = 0;
-static_assert(sizeof(std::sig_atomic_t) == sizeof(int32_t), "a handler may write it");
+volatile std::sig_atomic_t interrupt_flag = 0;
 
 bool stderr_draws_lines() {
   const char* term = std::getenv("TERM");
@@ -30,7 +29,7 @@ std::string format_eta(double seconds) {
 
 void install_interrupt_handler() {
   struct sigaction action {};
-  action.sa_handler = [](int) { *static_cast<volatile int32_t*>(&interrupt_flag) = 1; };
+  action.sa_handler = [](int) { interrupt_flag = 1; };
   // One shot: the second signal meets the default action. No SA_RESTART: a read that waits for a
   // pipe must return.
   action.sa_flags = static_cast<int>(SA_RESETHAND);
@@ -43,9 +42,7 @@ void install_interrupt_handler() {
   }
 }
 
-bool interrupted() { return *static_cast<const volatile int32_t*>(&interrupt_flag) != 0; }
-
-const int32_t* interrupt_cell() { return &interrupt_flag; }
+bool interrupted() { return interrupt_flag != 0; }
 
 void check_interrupt() {
   if (interrupted()) throw Failure(L4D_ERR_CANCELLED, "cancelled");

@@ -13,16 +13,12 @@ constexpr size_t kMaxFrames = L4D_MAX_FRAMES;
 
 }  // namespace
 
-std::optional<NumberedName> NumberedName::parse(const std::string& name) {
-  try {
-    return NumberedName(name, "");
-  } catch (const Failure&) {
-    return std::nullopt;
-  }
-}
-
 void NumberedName::refuse(const std::string& name) {
-  if (!parse(name)) return;
+  try {
+    const NumberedName pattern(name, "");
+  } catch (const Failure&) {
+    return;
+  }
   throw usage_error("--time is one instant, and '" + name + "' the name of a sequence");
 }
 

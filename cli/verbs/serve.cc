@@ -79,9 +79,7 @@ std::string playlist_of_file(const Context& context, const std::string& path,
                              const std::string& url) {
   try {
     const MemberFile file(context, path, path, false);
-    return needs_playlist(file)
-               ? playlist_of(file.members(), file.has_index(), url, file.info().stream)
-               : "";
+    return needs_playlist(file) ? playlist_of(file.members(), file.has_index(), url) : "";
   } catch (const Failure&) {
     return "";
   }

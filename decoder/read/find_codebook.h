@@ -3,7 +3,6 @@
 
 #include "decoder/read/scene_file.h"
 #include "l4d/decode.h"
-#include "l4d/experimental/packed.h"
 
 namespace l4d {
 

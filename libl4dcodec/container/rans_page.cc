@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 
-#include "l4d/experimental/inspect.h"
 #include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/container/page_columns.h"
 

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Slices as columns: the Gaussians of l4d_decoder_slice, in another order and array.
-#include "l4d/experimental/columns.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -23,7 +21,7 @@ struct Columns {
   l4d_splat_columns columns;
 
   explicit Columns(size_t capacity) {
-    columns = L4D_INIT(l4d_splat_columns);
+    l4d_splat_columns_init(&columns);
     resize(capacity);
   }
   void resize(size_t capacity) {
@@ -49,7 +47,8 @@ struct Columns {
 // What l4d_decoder_slice gives of each Gaussian, by where its SH lies, which both forms tell.
 using Splat = std::vector<float>;  // position, covariance, opacity
 std::map<const float*, Splat> splats_at(const DecoderHandle& d, double time) {
-  l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
+  l4d_splat_buffers b;
+  l4d_splat_buffers_init(&b);
   d.check(l4d_decoder_slice(d.get(), time, &b));
   const size_t n = static_cast<size_t>(b.count);
   std::vector<float> position(3 * n), covariance(6 * n), opacity(n);

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <string>
 
-#include "l4d/experimental/inspect.hpp"
 #include "libl4dcodec/container/levels.h"
 #include "tests/common/codec.h"
 #include "tests/common/stream_editor.h"
@@ -19,7 +18,7 @@ using namespace test;
 l4d_stream_demand demand_of(const Bytes& file, uint64_t rate = 0, uint64_t burst = 0) {
   DecoderHandle d;
   d.open_memory(file.data(), file.size());
-  return stream_demand(d, rate, burst);
+  return d.demand(rate, burst);
 }
 
 class Streams : public testing::TestWithParam<NamedFile> {};
@@ -115,17 +114,19 @@ TEST(Conformance, MemoryIsLimited) {
     options.max_memory_bytes = limit;
     DecoderHandle d(&options);
     d.open_memory(file.data(), file.size());
-    l4d_stream_demand c = L4D_INIT(l4d_stream_demand);
+    l4d_stream_demand c;
+    l4d_stream_demand_init(&c);
     return l4d_decoder_get_stream_demand(d.get(), &c);
   };
   DecoderHandle d;
   d.open_memory(file.data(), file.size());
   l4d_counters before, after;
-  before = L4D_INIT(l4d_counters);
-  after = L4D_INIT(l4d_counters);
+  l4d_counters_init(&before);
+  l4d_counters_init(&after);
   d.check(l4d_decoder_get_counters(d.get(), &before));
   demand_of(file);
-  l4d_stream_demand c = L4D_INIT(l4d_stream_demand);
+  l4d_stream_demand c;
+  l4d_stream_demand_init(&c);
   d.check(l4d_decoder_get_stream_demand(d.get(), &c));
   d.check(l4d_decoder_get_counters(d.get(), &after));
   ASSERT_GT(after.peak_memory_bytes, before.memory_bytes);
@@ -141,7 +142,8 @@ TEST(Conformance, ADamagedDirectoryIsNoAnswer) {
   const Bytes bytes = editor.build();
   DecoderHandle d;
   d.open_memory(bytes.data(), bytes.size());
-  l4d_stream_demand c = L4D_INIT(l4d_stream_demand);
+  l4d_stream_demand c;
+  l4d_stream_demand_init(&c);
   EXPECT_EQ(l4d_decoder_get_stream_demand(d.get(), &c), L4D_ERR_CHECKSUM);
   // It is reported once, and does not count against the level.
   for (const Violation& v : validate(bytes))
@@ -154,8 +156,8 @@ TEST(Levels, LimitsGrow) {
   l4d_level_limits last{};
   for (uint32_t level = 1; level <= L4D_NUM_LEVELS; ++level) {
     l4d_level_limits l, lossless;
-    l = L4D_INIT(l4d_level_limits);
-    lossless = L4D_INIT(l4d_level_limits);
+    l4d_level_limits_init(&l);
+    l4d_level_limits_init(&lossless);
     ASSERT_EQ(l4d_get_level_limits(level, L4D_PROFILE_MAIN, &l), L4D_OK);
     ASSERT_EQ(l4d_get_level_limits(level, L4D_PROFILE_LOSSLESS, &lossless), L4D_OK);
     EXPECT_GT(l.instant_gaussians, last.instant_gaussians);

@@ -7,7 +7,6 @@
 #include <memory>
 #include <vector>
 
-#include "l4d/experimental/inspect.h"
 #include "tests/common/codec.h"
 
 namespace l4d::test {

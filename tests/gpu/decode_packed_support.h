@@ -15,7 +15,6 @@ enum PackedArray : unsigned {
   kPackedMeanT,
   kPackedOpacity,
   kPackedScaleFactor,
-  kPackedWindow,
   kPackedDepth,
   kPackedIndex,
   kPackedEscape,

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "io/scene/rotor_math.h"
-#include "l4d/experimental/inspect.hpp"
 #include "libl4dcodec/scene/attributes.h"
 
 namespace l4d::numerics {
@@ -124,7 +123,7 @@ Worst worst_errors(const TestScene& scene, const Encoded& e, double own_min_size
 l4d_coding_errors stated_errors(const Bytes& bytes) {
   DecoderHandle decoder;
   decoder.open_memory(bytes.data(), bytes.size());
-  return coding_errors(decoder);
+  return decoder.coding_errors();
 }
 
 TestScene in_other_units(const TestScene& scene, double scale, double later) {

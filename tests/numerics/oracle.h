@@ -5,7 +5,6 @@
 
 #include <Eigen/Dense>
 
-#include "l4d/experimental/inspect.h"
 #include "tests/common/codec.h"
 
 namespace l4d::numerics {

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <string>
 
-#include "l4d/experimental/packed.h"
-
 namespace l4d::render {
 namespace {
 

@@ -1,26 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-// The worker of a movie: an engine, driven by messages (movie.js), and one for slices, once somebody wants some.
+// The worker of a movie: a session, driven by messages (movie.js).
 import {fetchError, L4DError} from './errors.js';
-import {compile, Decoder} from './decoder.js';
-import {Engine} from './engine.js';
-import {Link, LocalLink} from './link.js';
+import {compile} from './decoder.js';
+import {Presentation} from './presentation.js';
+import {Session} from './session.js';
+import {BlobSource, BufferSource, HttpSource} from './sources.js';
 
 /** @type {any} */
 const scope = globalThis;
-/** @type {Engine | null} */
-let engine = null;
-/** @type {Promise<Engine> | null} */
-let slicer = null;
-/** Makes an engine as that of the movie. @type {(post: any, options?: any) => Promise<Engine>} */
-let makeEngine;
+/** @type {Session | Presentation | null} */
+let session = null;
 /** @type {Map<number, AbortController>} */
 const running = new Map();
 /** What the page is asked before requests. @type {((answer: any) => void)[]} */
 const asked = [];
-const slicerBytes = 64 * 2 ** 20;  // of the file, that slices keep
 
 /** @param {any} message @param {Transferable[]} [transfer] */
 const post = (message, transfer) => scope.postMessage(message, transfer ?? []);
+
+const onRetry = (/** @type {string} */ message) => post({type: 'retry', message});
 
 /** @param {import('./link.js').Request} request @returns {Promise<import('./link.js').Request>} */
 const askPage = request => new Promise((resolve, reject) => {
@@ -28,8 +26,9 @@ const askPage = request => new Promise((resolve, reject) => {
   post({type: 'request', id, request});
 });
 
-/** @param {any} from @param {import('./link.js').LinkOptions} options */
-const linkOf = ({url, blob, buffer}, options) => url ? new Link(url, options) : new LocalLink(blob ?? buffer);
+/** @param {any} from @param {import('./link.js').LinkOptions} link */
+const sourceOf = ({url, blob, buffer}, link) =>
+  buffer ? new BufferSource(buffer) : blob ? new BlobSource(blob) : new HttpSource(url, link);
 
 /** @param {string} url @param {AbortSignal} signal */
 const fetchWasm = (url, signal) => fetch(url, {signal}).catch(error => {
@@ -38,55 +37,30 @@ const fetchWasm = (url, signal) => fetch(url, {signal}).catch(error => {
 
 /** @type {Record<string, (message: any, signal: AbortSignal) => Promise<[any, Transferable[]?]>>} */
 const answers = {
-  async open({wasm, wasmUrl, source, link, asks, isPlaylist, options}, signal) {
-    const linked = linkOf(source, {...link, request: asks ? askPage : undefined});
+  async open(message, signal) {
     // While it compiles, the first bytes come.
-    if (linked instanceof Link) linked.begin(isPlaylist, signal);
-    /** @type {WebAssembly.Module | WebAssembly.Instance} */
-    let code = await compile(wasm ?? fetchWasm(wasmUrl, signal));
-    makeEngine = async (to, more) => {
-      const decoder = await Decoder.create(code, {...options, ...more});
-      code = decoder.instance;
-      return new Engine(decoder, linked, source.url ?? '', to, {...options, ...more, isPlaylist});
-    };
-    engine = await makeEngine(post);
-    return [await engine.open(signal)];
+    const wasm = compile(message.wasm ?? fetchWasm(message.wasmUrl, signal));
+    const {source, options, asks} = message;
+    const link = {...message.link, onRetry, request: asks ? askPage : undefined};
+    session = message.isPlaylist ? new Presentation(wasm, source.url, post, {...options, ...link}) :
+      new Session(wasm, sourceOf(source, link), post, options);
+    return [await session.open(signal)];
   },
   async slice({time, options}, signal) {
-    // The page hears what it loses; all else is of the page's own engine.
-    slicer ??= makeEngine((/** @type {any} */ message) => { if (message.type === 'loss') post(message); },
-                          {slices: true, ahead: 0.5, cacheBytes: Math.min(options.cacheBytes ?? Infinity, slicerBytes)}).then(async made => {
-      await made.open();
-      return made;
-    });
-    const slice = await (await slicer.catch(error => { slicer = null; throw error; })).slice(time, options, signal);
+    const slice = await /** @type {Session | Presentation} */ (session).slice(time, options, signal);
     const arrays = [slice.position, slice.covariance, slice.opacity];
     if (slice.sh) arrays.push(slice.sh);
     return [slice, arrays.map(a => a.buffer)];
   },
-  async statistics() { return [engine?.statistics()]; }
-};
-
-/** Commands of the page. @type {Record<string, (engine: Engine, message: any) => void>} */
-const commands = {
-  play: e => e.command('play'),
-  pause: e => e.command('pause'),
-  retry: e => e.command('retry'),
-  seek: (e, {time, id, tolerance}) => e.seek(time, id, tolerance),
-  motion: (e, {rate, mode}) => e.setMotion(rate, mode),
-  quality: (e, {quality}) => e.setQuality(quality),
-  refresh(e) {
-    // What is ready from here on has been sent again.
-    post({type: 'refreshed'});
-    e.command('refresh');
-  }
+  async statistics() { return [session?.statistics()]; }
 };
 
 scope.onmessage = async (/** @type {MessageEvent} */ {data}) => {
-  if (commands[data.type]) {
-    if (!engine) return;
-    engine.turn = data.turn;
-    return commands[data.type](engine, data);
+  if (data.type === 'want') return session?.want(data.goal, data.seek);
+  if (data.type === 'refresh') {
+    // What is ready from here on has been sent again.
+    post({type: 'refreshed'});
+    return session?.refresh();
   }
   if (data.type === 'requested') {
     asked[data.id](data.answer);
@@ -94,8 +68,7 @@ scope.onmessage = async (/** @type {MessageEvent} */ {data}) => {
   }
   if (data.type === 'abort') return running.get(data.id)?.abort();
   if (data.type === 'dispose') {
-    engine?.dispose();
-    void slicer?.then(made => made.dispose(), () => {});
+    session?.dispose();
     return scope.close();
   }
   const control = new AbortController();

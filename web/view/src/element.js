@@ -1,29 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 import {L4DError, open} from 'l4dcodec';
 import {openOptions} from './attributes.js';
-import {CameraElement, cameraAttributes, cameraProperties} from './camera-element.js';
 import {PointerControls} from './controls.js';
 import {enter, hasRoom, leave} from './crowd.js';
-import {Hotspots} from './hotspots.js';
 import {onKey} from './keys.js';
-import {canvasOf} from './picture.js';
+import {MediaElement} from './media.js';
 import {fill} from './template.js';
-import {clockText, describeError, describeLosses, liveTexts, overlayLines, parseLink, spokenTime} from './text.js';
+import {clockText, describeError, describeLosses, overlayLines, parseLink, spokenTime} from './text.js';
 import {View} from './view.js';
 
 const idleSeconds = 2.5;
-const scrubSteps = 500;  // of the timeline, while it is dragged
 const lostSeconds = 3;  // that a context may be lost, before the player gives it up
 const playbacks = /** @type {const} */ (['once', 'loop', 'ping-pong']);
 
 /**
  * `<l4d-player src poster autoplay loop preload="none" loading="lazy" controls="none" playback="once|loop|ping-pong|auto"
  * camera="orbit|fly" gestures="all|page|none" detail="auto|base|full" backend="webgl2|webgpu|auto" overlay>`, and what
- * attributes.js and camera-element.js read: a player with controls. Events: 'open' (the movie is its detail), 'error' (an Error),
- * 'backend' (which one draws), 'camera-change', and those of media elements. `movie` and `view` are those of the packages.
+ * attributes.js reads: a player with controls. Events: 'open' (the movie is its detail), 'error' (an Error), 'backend' (which one
+ * draws), and those of media elements. `movie` and `view` are those of the packages.
  */
-export class L4DPlayer extends CameraElement {
-  static observedAttributes = ['src', 'poster', 'loop', 'playback', 'detail', 'camera', 'overlay', ...cameraAttributes];
+export class L4DPlayer extends MediaElement {
+  static observedAttributes = ['src', 'poster', 'loop', 'playback', 'detail', 'camera', 'overlay'];
 
   constructor() {
     super();
@@ -31,17 +28,20 @@ export class L4DPlayer extends CameraElement {
     fill(root);
     /** @type {(selector: string) => any} */
     this.$ = selector => root.querySelector(selector);
-    this.hotspots = new Hotspots(this, this.$('.spots'));
+    /** @type {View | null} */
+    this.view = null;
+    /** @type {PointerControls | null} */
+    this.pointer = null;
     this.loading = new AbortController();
     /** What load() was given last. @type {Parameters<typeof open>[0] | undefined} */
     this.source = undefined;
     /** While it is in a page. @type {AbortController | null} */
     this.life = null;
+    this.isNear = true;  // less than its page's height from what is seen of the page
     /** Of before it gave its context back, or left the page. @type {{camera: string, plays: boolean} | null} */
     this.kept = null;
     this.frames = {count: 0, since: performance.now(), fps: 0};
     this.scrubbing = false;
-    this.scrubbed = 0;
     this.#listen();
   }
 
@@ -49,8 +49,7 @@ export class L4DPlayer extends CameraElement {
     if (this.life) return;  // it was moved
     this.life = new AbortController();
     const {signal} = this.life;
-    this.upgradeProperties(cameraProperties);
-    this.hotspots.read();
+    this.upgradeProperties();
     document.addEventListener('visibilitychange', () => this.#hide(document.hidden), {signal});
     const observer = new IntersectionObserver(entries => this.#near(entries.at(-1)?.isIntersecting ?? true), {rootMargin: '100%'});
     observer.observe(this);
@@ -61,7 +60,7 @@ export class L4DPlayer extends CameraElement {
     });
     const {movie} = this;
     // Opened before the element was in a page.
-    if (movie) void this.#setView().then(() => this.view?.show(movie)).then(() => this.aim.home(), error => this.#showError(error));
+    if (movie) void this.#setView().then(() => this.view?.show(movie)).then(() => this.view?.home(), error => this.#showError(error));
     else this.#begins();
   }
 
@@ -93,7 +92,6 @@ export class L4DPlayer extends CameraElement {
     if (name === 'detail' && value) this.#setDetail(value);
     if (name === 'camera') this.#setMode(value === 'fly' ? 'fly' : 'orbit');
     if (name === 'overlay') this.toggleOverlay(value !== null);
-    if (cameraAttributes.includes(name) && value !== before) this.aim.update(name);
   }
 
   /** Loads `src`, unless the page, or its other players, want that later: then a click does it. */
@@ -145,7 +143,9 @@ export class L4DPlayer extends CameraElement {
     if (signal.aborted || this.view !== view) return;
     if (pixels && view) {
       const {width, height} = view.canvas;
-      this.$('canvas').after(Object.assign(canvasOf(pixels, width, height), {className: 'still'}));
+      const still = Object.assign(document.createElement('canvas'), {width, height, className: 'still'});
+      still.getContext('2d')?.putImageData(new ImageData(new Uint8ClampedArray(pixels), width, height), 0, 0);
+      this.$('canvas').after(still);
     }
     this.#keep();
     this.unload();
@@ -158,7 +158,7 @@ export class L4DPlayer extends CameraElement {
     this.pointer?.dispose();
     const gl = this.view?.gl;
     this.view?.dispose();
-    Object.assign(this, {view: null, pointer: null});
+    this.view = this.pointer = null;
     // A page may have few contexts, and one lives until its canvas is collected. The next view has another canvas.
     const canvas = this.$('canvas');
     canvas.replaceWith(canvas.cloneNode());
@@ -168,22 +168,19 @@ export class L4DPlayer extends CameraElement {
   /** Fails where nothing can draw. */
   async #setView() {
     enter(this);
-    const {view: present} = this;
-    if (present) return void await present.ready;
+    if (this.view) return void await this.view.ready;
     const canvas = this.$('canvas');
     try {
       const backend = /** @type {any} */ (this.getAttribute('backend') ?? undefined);
-      const view = new View(canvas, {background: [0.043, 0.051, 0.063], backend});
-      this.view = view;
-      this.pointer = new PointerControls(canvas, view.orbit, () => { this.steered(); this.#awake(); }, () => this.toggle(),
-                                         event => this.#takes(event), event => void this.lookAtPoint(event.clientX, event.clientY));
-      view.ondraw = () => { this.hotspots.place(); this.drawn(); };
+      const view = this.view = new View(canvas, {background: [0.043, 0.051, 0.063], backend});
+      this.pointer = new PointerControls(canvas, view.orbit, () => { this.view?.change(); this.#awake(); }, () => this.toggle(),
+                                         event => this.#takes(event));
       this.#setMode(this.getAttribute('camera') === 'fly' ? 'fly' : 'orbit');
       this.dispatchEvent(new CustomEvent('backend', {detail: await view.ready}));
       this.removeAttribute('unsupported');
-      const givesUp = () => { if (this.view === view && view.gl?.isContextLost()) void this.sleep(); };
-      // A context that #dropView gave back is lost on purpose: a timer would keep the player in memory.
-      canvas.addEventListener('webglcontextlost', () => { if (this.view === view) setTimeout(givesUp, 1000 * lostSeconds); });
+      canvas.addEventListener('webglcontextlost', () => setTimeout(() => {
+        if (this.view === view && view.gl?.isContextLost()) void this.sleep();
+      }, 1000 * lostSeconds));
     } catch (error) {
       this.#dropView();
       this.toggleAttribute('unsupported', true);
@@ -244,9 +241,6 @@ export class L4DPlayer extends CameraElement {
       this.#showEnd(movie);
       if (!live) this.#say('The recording has ended');
     });
-    movie.on('live', ({state}) => {
-      if (liveTexts[state]) this.#say(liveTexts[state]);
-    });
     movie.on('retry', () => this.#say('The connection is slow, trying again'));
     this.follow(movie);
     for (const type of ['durationchange', 'loadedmetadata']) this.tell(type);
@@ -261,10 +255,9 @@ export class L4DPlayer extends CameraElement {
       if (error.name !== 'AbortError') throw error;
     });
     if (this.movie !== movie) return;
-    await this.aim.home();
+    await this.view?.home();
     const camera = this.kept?.camera ?? link.camera;
-    if (camera && this.view?.orbit.parse(camera)) this.aim.steer({});
-    this.aim.jump();
+    if (camera && this.view?.orbit.parse(camera)) this.view.change();
     await this.view?.settled();
     if (this.movie !== movie) return;
     this.setOpen(true);
@@ -292,8 +285,6 @@ export class L4DPlayer extends CameraElement {
     this.loading.abort();
     this.loading = new AbortController();
     this.view?.hide();
-    this.aim.end();
-    if (!this.kept) this.hotspots.hide();
     this.movie?.dispose();
     this.movie = null;
     this.$('.big').hidden = true;
@@ -309,11 +300,11 @@ export class L4DPlayer extends CameraElement {
     else this.movie.pause();
   }
 
-  /** @param {number} time @param {number} [tolerance] as of Movie.seek() */
-  seek(time, tolerance) {
+  /** @param {number} time */
+  seek(time) {
     if (!this.movie) return;
     if (time > this.movie.timeEnd && this.movie.loop) time = this.movie.timeBegin;
-    this.seekTo(time, tolerance);
+    this.seekTo(time);
     this.#awake();
   }
 
@@ -323,8 +314,7 @@ export class L4DPlayer extends CameraElement {
     this.#say(`Speed ${this.playbackRate}`);
   }
 
-  /** Resolves when the first view is back. */
-  home() { return this.aim.home(); }
+  home() { void this.view?.home(); }
 
   toggleFullscreen() {
     if (document.fullscreenElement === this) void document.exitFullscreen();
@@ -393,7 +383,6 @@ export class L4DPlayer extends CameraElement {
     on('#numbers', 'change', e => this.toggleOverlay(e.target.checked));
     this.addEventListener('keydown', e => {
       this.#awake();
-      if (e.target !== this) return;  // a hotspot has keys of its own
       const inner = /** @type {any} */ (this.shadowRoot)?.activeElement;
       const types = inner?.tagName === 'SELECT' || inner?.tagName === 'BUTTON' && e.key === ' ';
       if (types && e.key !== 'Escape') return;
@@ -444,17 +433,18 @@ export class L4DPlayer extends CameraElement {
       this.scrubbing = true;
       this.playedBefore = !movie.paused;
       movie.pause();
+      // Base colours while dragging, detail on release.
+      this.detailBefore = movie.detail;
+      movie.setDetail('base');
     }
-    this.scrubbed = movie.timeBegin + share * movie.duration;
-    // One picture after the other, in base colours; detail on release.
-    this.seek(this.scrubbed, Math.max(movie.duration / scrubSteps, 1e-3));
+    this.seek(movie.timeBegin + share * movie.duration);
   }
 
   #endScrub() {
     const movie = this.movie;
     if (!movie || !this.scrubbing) return;
     this.scrubbing = false;
-    this.seek(this.scrubbed);
+    movie.detail = this.detailBefore ?? 'auto';
     if (this.playedBefore) movie.play();
   }
 
