@@ -46,7 +46,8 @@ export const serve = async (streams, faults = {}, folder = 'build/web/player', h
     const match = /^bytes=(\d+)-(\d*)$/.exec(request.headers.range ?? '');
     await faults.hold?.(Number(match?.[1] ?? 0));
     const etag = faults.etag ?? '"1"';
-    // A browser asks whether the part that it keeps is still of this file. To answer with a part then says that it is.
+    // With If-Range a browser asks whether the part that it keeps is still a part of this file. An answer with a part
+    // means yes, an answer with the whole file means no.
     const isSame = (request.headers['if-range'] ?? etag) === etag;
     const part = match && faults.ranges !== false && isSame;
     const begin = part ? Number(match[1]) : 0;
