@@ -7,6 +7,7 @@
 #include <string>
 
 #include "l4d/decode.h"
+#include "l4d/experimental/inspect.h"
 #include "l4d/l4d.h"
 #include "libl4dcodec/base/c_api.h"
 
@@ -33,16 +34,6 @@ void l4d_keep_error_message_(const char* message) {
   const size_t length = std::min(std::strlen(message), sizeof(ErrorMessage::text) - 1);
   std::memmove(text, message, length);
   text[length] = 0;
-}
-
-void l4d_reader_init_(l4d_reader* reader, size_t struct_size) {
-  l4d::api::init_struct(reader, struct_size, l4d_reader{});
-}
-void l4d_writer_init_(l4d_writer* writer, size_t struct_size) {
-  l4d::api::init_struct(writer, struct_size, l4d_writer{});
-}
-void l4d_gaussians_init_(l4d_gaussians* gaussians, size_t struct_size) {
-  l4d::api::init_struct(gaussians, struct_size, l4d_gaussians{});
 }
 
 const char* l4d_last_error_message(void) { return last_error_message().text; }
@@ -130,7 +121,7 @@ const char* l4d_status_description(l4d_status status) {
     case L4D_ERR_BUFFER_TOO_SMALL:
       return "An array of the caller's is too small for the result.";
     case L4D_ERR_NEED_DATA:
-      return "Bytes that the call needs have not been supplied yet.";
+      return "Bytes that the call needs are not here yet.";
     case L4D_ERR_NOT_L4D:
       return "The data is not an .l4d stream.";
     case L4D_ERR_VERSION_UNSUPPORTED:

@@ -8,6 +8,7 @@
 #include "libl4dcodec/base/first_versions.h"
 #ifdef L4D_HAVE_CUDA
 #include "decoder/cuda/device_decoder.h"
+#include "l4d/experimental/cuda_packed.h"
 #include "libl4dcodec/cuda/device.h"
 #endif
 
@@ -15,9 +16,7 @@ using l4d::Status;
 using l4d::api::call_on;
 using l4d::api::fail;
 using l4d::api::guard;
-using l4d::api::init_struct;
 using l4d::api::keep_last;
-using l4d::api::look_at;
 using l4d::api::read_struct;
 using l4d::api::required;
 using l4d::api::write_struct;
@@ -29,7 +28,6 @@ struct l4d_cuda_decoder {
   l4d::cuda::DeviceDecoder impl;
 #endif
   mutable l4d::api::Busy busy;
-  l4d::api::ErrorMessage error;
 };
 
 namespace {
@@ -38,23 +36,7 @@ namespace {
 constexpr char kNoDeviceCode[] = "this build has no device code";
 #endif
 
-l4d_cuda_request default_request() {
-  l4d_cuda_request request{};
-  request.attributes = L4D_CUDA_ALL_ATTRIBUTES;
-  request.forms = L4D_CUDA_FORM_EXPANDED;
-  return request;
-}
-
 #ifdef L4D_HAVE_CUDA
-l4d_query default_query() {
-  l4d_query q{};
-  q.struct_size = sizeof q;
-  q.kind = L4D_QUERY_ALL;
-  q.max_level = UINT32_MAX;
-  q.max_tier = UINT32_MAX;
-  return q;
-}
-
 cudaStream_t stream_of(void* stream) { return static_cast<cudaStream_t>(stream); }
 
 // The work of a call on the decoder's device, its failure kept on the handle. Its callbacks must
@@ -75,19 +57,6 @@ l4d_status on_device(l4d_cuda_decoder* decoder, const char* bad, const Body& bod
 }  // namespace
 
 extern "C" {
-
-void l4d_cuda_device_info_init_(l4d_cuda_device_info* info, size_t struct_size) {
-  init_struct(info, struct_size, l4d_cuda_device_info{});
-}
-void l4d_cuda_request_init_(l4d_cuda_request* request, size_t struct_size) {
-  init_struct(request, struct_size, default_request());
-}
-void l4d_cuda_gaussian_buffers_init_(l4d_cuda_gaussian_buffers* buffers, size_t struct_size) {
-  init_struct(buffers, struct_size, l4d_cuda_gaussian_buffers{});
-}
-void l4d_cuda_packed_buffers_init_(l4d_cuda_packed_buffers* buffers, size_t struct_size) {
-  init_struct(buffers, struct_size, l4d_cuda_packed_buffers{});
-}
 
 l4d_status l4d_cuda_get_device_count(uint32_t* count) {
   if (const char* bad = required(count)) return fail(L4D_ERR_INVALID_ARGUMENT, bad);
@@ -133,10 +102,6 @@ l4d_status l4d_cuda_decoder_create(l4d_decoder* decoder, uint32_t device, l4d_cu
   });
 }
 
-const char* l4d_cuda_decoder_error_message(const l4d_cuda_decoder* decoder) {
-  return decoder == nullptr ? "" : decoder->error.c_str();
-}
-
 #ifdef L4D_HAVE_CUDA
 
 void l4d_cuda_decoder_destroy(l4d_cuda_decoder* decoder) {
@@ -149,8 +114,10 @@ void l4d_cuda_decoder_destroy(l4d_cuda_decoder* decoder) {
 l4d_status l4d_cuda_decoder_prepare(l4d_cuda_decoder* decoder, const l4d_query* query,
                                     l4d_cuda_request* request) {
   return on_device(decoder, required(query, request), [&](l4d::cuda::DeviceDecoder& d) -> Status {
-    l4d_cuda_request prepared = read_struct(*request, default_request());
-    L4D_RETURN_IF_ERROR(d.prepare(read_struct(*query, default_query()), &prepared));
+    l4d_cuda_request prepared = read_struct(*request);
+    if (prepared.attributes == 0) prepared.attributes = L4D_CUDA_ALL_ATTRIBUTES;
+    if (prepared.forms == 0) prepared.forms = L4D_CUDA_FORM_EXPANDED;
+    L4D_RETURN_IF_ERROR(d.prepare(read_struct(*query), &prepared));
     write_struct(prepared, request);
     return {};
   });
@@ -166,8 +133,7 @@ l4d_status l4d_cuda_decoder_upload(l4d_cuda_decoder* decoder, void* workspace,
 l4d_status l4d_cuda_decoder_decode(l4d_cuda_decoder* decoder, const l4d_cuda_gaussian_buffers* out,
                                    void* workspace, uint64_t workspace_size, void* stream) {
   return on_device(decoder, required(out), [&](l4d::cuda::DeviceDecoder& d) {
-    return d.decode(read_struct(*out, l4d_cuda_gaussian_buffers{}), workspace, workspace_size,
-                    stream_of(stream));
+    return d.decode(read_struct(*out), workspace, workspace_size, stream_of(stream));
   });
 }
 
@@ -175,8 +141,7 @@ l4d_status l4d_cuda_decoder_decode_packed(l4d_cuda_decoder* decoder,
                                           const l4d_cuda_packed_buffers* out, void* workspace,
                                           uint64_t workspace_size, void* stream) {
   return on_device(decoder, required(out), [&](l4d::cuda::DeviceDecoder& d) {
-    return d.decode_packed(read_struct(*out, l4d_cuda_packed_buffers{}), workspace, workspace_size,
-                           stream_of(stream));
+    return d.decode_packed(read_struct(*out), workspace, workspace_size, stream_of(stream));
   });
 }
 

@@ -3,41 +3,33 @@
 #include "decoder/check/inspection.h"
 #include "decoder/read/find_codebook.h"
 #include "decoder/session/query.h"
+#include "decoder/session/shown_streams.h"
 #include "l4d/decode.h"
+#include "l4d/experimental/columns.h"
+#include "l4d/experimental/inspect.h"
+#include "l4d/experimental/packed.h"
+#include "l4d/members.h"
 #include "libl4dcodec/container/levels.h"
 #include "libl4dcodec/scene/attributes.h"
 
 using l4d::Status;
 using l4d::api::call_on;
 using l4d::api::guard;
-using l4d::api::init_struct;
 using l4d::api::keep_last;
-using l4d::api::look_at;
 using l4d::api::optional;
+using l4d::api::read_optional;
 using l4d::api::read_struct;
 using l4d::api::required;
 using l4d::api::write_struct;
 
 namespace {
 
-l4d_query default_query() {
-  l4d_query q{};
-  q.struct_size = sizeof q;
-  q.kind = L4D_QUERY_ALL;
-  q.max_level = UINT32_MAX;
-  q.max_tier = UINT32_MAX;
-  return q;
-}
-
 const char* first_of(const char* a, const char* b) { return a != nullptr ? a : b; }
-
-constexpr const char* kHeadersLack = "the headers of the stream have not been supplied yet";
 
 // The work of a call on an open decoder.
 template <typename Body>
 l4d_status with_stream(l4d_decoder* decoder, const char* bad, const Body& body) {
   return call_on(decoder, bad, [&]() -> Status {
-    if (decoder->impl.is_waiting()) return Status(L4D_ERR_NEED_DATA, kHeadersLack);
     if (!decoder->impl.is_open()) return Status(L4D_ERR_INVALID_STATE, "no stream is open");
     return body(decoder->impl);
   });
@@ -46,13 +38,10 @@ template <typename Body>
 l4d_status look_at_stream(const l4d_decoder* decoder, const char* bad, const Body& body) {
   // Without allocating: such a call must not fail for another reason after memory has run out.
   const bool idle = decoder != nullptr && bad == nullptr && !decoder->busy.is_set();
-  if (idle && decoder->impl.is_waiting()) {
-    return l4d::api::fail(L4D_ERR_NEED_DATA, kHeadersLack);
-  }
   if (idle && !decoder->impl.is_open()) {
     return l4d::api::fail(L4D_ERR_INVALID_STATE, "no stream is open");
   }
-  return look_at(decoder, bad, [&] { return body(decoder->impl); });
+  return call_on(decoder, bad, [&] { return body(decoder->impl); });
 }
 
 // Counts violations and hands them on.
@@ -185,63 +174,51 @@ Status use_first_device() {
 #endif
 }
 
+// Joins what several streams show. What failed is kept on the handle of which it did.
+template <typename Output>
+l4d_status slice_streams(const l4d_shown_stream* streams, uint64_t count, Output* out) {
+  const char* bad = first_of(required(streams), required(out));
+  if (bad == nullptr && count == 0) bad = "count is 0";
+  for (uint64_t k = 0; bad == nullptr && k < count; ++k) {
+    for (uint64_t before = 0; before < k; ++before) {
+      if (streams[before].decoder == streams[k].decoder) bad = "a decoder is listed twice";
+    }
+  }
+  if (bad != nullptr) return l4d::api::fail(L4D_ERR_INVALID_ARGUMENT, bad);
+  Output slice = read_struct(*out, Output{});
+  if (count == 1) {
+    return with_stream(streams->decoder, nullptr, [&](l4d::Decoder& d) -> Status {
+      return write_output(d.slicer().slice(streams->time, &slice), slice, out);
+    });
+  }
+  uint32_t degree = 0;
+  l4d_status status = L4D_OK;
+  for (uint64_t k = 0; k < count && status == L4D_OK; ++k) {
+    status = with_stream(streams[k].decoder, nullptr, [&](l4d::Decoder& d) -> Status {
+      degree = std::max(degree, uint32_t{d.file().header().sh_degree});
+      return {};
+    });
+  }
+  if (status != L4D_OK) return status;
+  l4d::ShownStreams<Output> shown(degree, &slice);
+  for (uint64_t k = 0; k < count && status == L4D_OK; ++k) {
+    status = with_stream(streams[k].decoder, nullptr,
+                         [&](l4d::Decoder& d) { return shown.add(d, streams[k].time); });
+  }
+  if (status != L4D_OK) return status;
+  return keep_last(guard([&] { return write_output(shown.finish(), slice, out); }));
+}
+
 }  // namespace
 
 extern "C" {
-
-void l4d_decoder_options_init_(l4d_decoder_options* options, size_t struct_size) {
-  init_struct(options, struct_size, {});
-}
-void l4d_info_init_(l4d_info* info, size_t struct_size) { init_struct(info, struct_size, {}); }
-void l4d_coding_errors_init_(l4d_coding_errors* errors, size_t struct_size) {
-  init_struct(errors, struct_size, l4d_coding_errors());
-}
-
-void l4d_rendering_init_(l4d_rendering* rendering, size_t struct_size) {
-  init_struct(rendering, struct_size, l4d::default_rendering());
-}
-void l4d_presentation_init_(l4d_presentation* presentation, size_t struct_size) {
-  init_struct(presentation, struct_size, l4d::default_presentation());
-}
-
-void l4d_layer_info_init_(l4d_layer_info* info, size_t struct_size) {
-  init_struct(info, struct_size, {});
-}
-void l4d_query_init_(l4d_query* query, size_t struct_size) {
-  init_struct(query, struct_size, default_query());
-}
-void l4d_selection_init_(l4d_selection* s, size_t struct_size) { init_struct(s, struct_size, {}); }
-void l4d_gaussian_buffers_init_(l4d_gaussian_buffers* b, size_t struct_size) {
-  init_struct(b, struct_size, {});
-}
-void l4d_packed_buffers_init_(l4d_packed_buffers* b, size_t struct_size) {
-  init_struct(b, struct_size, {});
-}
-void l4d_codebook_init_(l4d_codebook* c, size_t struct_size) { init_struct(c, struct_size, {}); }
-void l4d_dequantization_init_(l4d_dequantization* d, size_t struct_size) {
-  init_struct(d, struct_size, {});
-}
-void l4d_level_limits_init_(l4d_level_limits* limits, size_t struct_size) {
-  init_struct(limits, struct_size, {});
-}
-void l4d_stream_demand_init_(l4d_stream_demand* c, size_t struct_size) {
-  init_struct(c, struct_size, {});
-}
-void l4d_splat_columns_init_(l4d_splat_columns* c, size_t struct_size) {
-  init_struct(c, struct_size, {});
-}
-void l4d_splat_buffers_init_(l4d_splat_buffers* b, size_t struct_size) {
-  init_struct(b, struct_size, {});
-}
-void l4d_counters_init_(l4d_counters* c, size_t struct_size) { init_struct(c, struct_size, {}); }
 
 l4d_status l4d_decoder_create(const l4d_decoder_options* options, l4d_decoder** out) {
   return keep_last(guard([&]() -> Status {
     if (const char* bad = first_of(required(out), optional(options))) {
       return l4d::invalid_argument(bad);
     }
-    l4d_decoder_options resolved{};
-    if (options != nullptr) resolved = read_struct(*options, resolved);
+    const l4d_decoder_options resolved = read_optional(options);
     if (resolved.backend > L4D_BACKEND_CUDA) {
       return Status(L4D_ERR_FEATURE_UNSUPPORTED, "unknown backend");
     }
@@ -258,16 +235,12 @@ void l4d_decoder_destroy(l4d_decoder* decoder) {
   if (l4d::api::may_destroy(decoder)) delete decoder;
 }
 
-const char* l4d_decoder_error_message(const l4d_decoder* decoder) {
-  return decoder == nullptr ? "" : decoder->error.c_str();
-}
-
 l4d_status l4d_decoder_open(l4d_decoder* decoder, const l4d_reader* reader) {
   return call_on(decoder, required(reader), [&]() -> Status {
     decoder->close_device();
     decoder->impl.close();
     l4d::ByteSource source;
-    L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(read_struct(*reader, l4d_reader{}), &source));
+    L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(read_struct(*reader), &source));
     return decoder->impl.open(std::move(source));
   });
 }
@@ -309,6 +282,16 @@ l4d_status l4d_decoder_get_presentation(const l4d_decoder* decoder,
   });
 }
 
+l4d_status l4d_decoder_get_metadata(const l4d_decoder* decoder, uint32_t index, const char** key,
+                                    const char** value) {
+  return look_at_stream(decoder, required(key, value), [&](const l4d::Decoder& d) -> Status {
+    const auto& pairs = d.file().header().metadata;
+    *key = index < pairs.size() ? pairs[index].first.c_str() : nullptr;
+    *value = index < pairs.size() ? pairs[index].second.c_str() : nullptr;
+    return {};
+  });
+}
+
 l4d_status l4d_decoder_get_coding_errors(const l4d_decoder* decoder, l4d_coding_errors* errors) {
   return look_at_stream(decoder, required(errors), [&](const l4d::Decoder& d) -> Status {
     write_struct(describe_errors(d.file().header().errors), errors);
@@ -345,7 +328,7 @@ l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
                               l4d_selection* selection) {
   return with_stream(decoder, required(query, selection), [&](l4d::Decoder& d) -> Status {
     l4d_selection s{};
-    L4D_RETURN_IF_ERROR(l4d::select_query(d.stream(), read_struct(*query, default_query()), &s));
+    L4D_RETURN_IF_ERROR(l4d::select_query(d.stream(), read_struct(*query), &s));
     write_struct(s, selection);
     return {};
   });
@@ -355,41 +338,16 @@ l4d_status l4d_decoder_get_spans(l4d_decoder* decoder, const l4d_query* query, l
                                  uint64_t capacity, uint64_t* count) {
   const char* bad = first_of(required(query, count), capacity > 0 ? required(out) : nullptr);
   return with_stream(decoder, bad, [&](l4d::Decoder& d) {
-    return l4d::find_ranges(d.stream(), read_struct(*query, default_query()), out, capacity, count);
+    return l4d::find_ranges(d.stream(), read_struct(*query), out, capacity, count);
   });
-}
-
-l4d_status l4d_decoder_get_reads(l4d_decoder* decoder, const l4d_query* query, uint32_t step,
-                                 l4d_byte_range* ranges, uint64_t capacity, uint64_t* count) {
-  const char* bad = first_of(required(query, count), capacity > 0 ? required(ranges) : nullptr);
-  return with_stream(decoder, bad, [&](l4d::Decoder& d) {
-    return l4d::find_reads(d.stream(), read_struct(*query, default_query()), step, ranges, capacity,
-                           count);
-  });
-}
-
-l4d_status l4d_get_header_range(const void* data, size_t size, l4d_byte_range* range) {
-  return keep_last(guard([&]() -> Status {
-    if (const char* bad = first_of(required(range), size > 0 ? required(data) : nullptr)) {
-      return l4d::invalid_argument(bad);
-    }
-    static_assert(L4D_FILE_HEADER_BYTES == l4d::FileHeader::kBytes);
-    const l4d::ByteSpan bytes(static_cast<const unsigned char*>(data),
-                              std::min<size_t>(size, L4D_FILE_HEADER_BYTES));
-    l4d::FileHeader header;
-    L4D_RETURN_IF_ERROR(l4d::FileHeader::parse(bytes, &header));
-    *range = {header.header_offset, header.header_bytes};
-    return {};
-  }));
 }
 
 l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
                               l4d_gaussian_buffers* out) {
   return with_stream(decoder, required(query, out), [&](l4d::Decoder& d) -> Status {
-    l4d_gaussian_buffers buffers = read_struct(*out, l4d_gaussian_buffers{});
-    const l4d_query q = read_struct(*query, default_query());
-    const bool on_device = decoder->decodes_on_device && buffers.mean_t_double == nullptr &&
-                           buffers.window == nullptr && !d.file().header().has_windows();
+    l4d_gaussian_buffers buffers = read_struct(*out);
+    const l4d_query q = read_struct(*query);
+    const bool on_device = decoder->decodes_on_device && buffers.mean_t_double == nullptr;
     return write_output(on_device ? decoder->decode_on_device(q, &buffers) : d.decode(q, &buffers),
                         buffers, out);
   });
@@ -398,9 +356,8 @@ l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
 l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* query,
                                      l4d_packed_buffers* out) {
   return with_stream(decoder, required(query, out), [&](l4d::Decoder& d) -> Status {
-    l4d_packed_buffers buffers = read_struct(*out, l4d_packed_buffers{});
-    return write_output(d.decode_packed(read_struct(*query, default_query()), &buffers), buffers,
-                        out);
+    l4d_packed_buffers buffers = read_struct(*out);
+    return write_output(d.decode_packed(read_struct(*query), &buffers), buffers, out);
   });
 }
 
@@ -461,7 +418,7 @@ l4d_status l4d_get_level_limits(uint32_t level, uint32_t profile, l4d_level_limi
 
 l4d_status l4d_decoder_get_stream_demand(l4d_decoder* decoder, l4d_stream_demand* demand) {
   return with_stream(decoder, required(demand), [&](l4d::Decoder& d) -> Status {
-    l4d_stream_demand c = read_struct(*demand, l4d_stream_demand{});
+    l4d_stream_demand c = read_struct(*demand);
     L4D_RETURN_IF_ERROR(l4d::inspect_stream_demand(d.file(), &c));
     write_struct(c, demand);
     return {};
@@ -478,29 +435,27 @@ l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile,
   });
 }
 
-l4d_status l4d_decoder_set_layers(l4d_decoder* decoder, uint32_t max_level, uint32_t max_tier) {
-  return call_on(decoder, nullptr, [&]() -> Status {
-    decoder->impl.slicer().set_layers(max_level, max_tier);
-    return {};
-  });
-}
-
-l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail) {
-  return call_on(decoder, nullptr, [&] { return decoder->impl.slicer().set_detail(detail); });
-}
-
 l4d_status l4d_decoder_slice_columns(l4d_decoder* decoder, double time, l4d_splat_columns* out) {
   return with_stream(decoder, required(out), [&](l4d::Decoder& d) -> Status {
-    l4d_splat_columns columns = read_struct(*out, l4d_splat_columns{});
+    l4d_splat_columns columns = read_struct(*out);
     return write_output(d.slicer().slice(time, &columns), columns, out);
   });
 }
 
 l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out) {
   return with_stream(decoder, required(out), [&](l4d::Decoder& d) -> Status {
-    l4d_splat_buffers buffers = read_struct(*out, l4d_splat_buffers{});
+    l4d_splat_buffers buffers = read_struct(*out);
     return write_output(d.slicer().slice(time, &buffers), buffers, out);
   });
+}
+
+l4d_status l4d_slice_streams(const l4d_shown_stream* streams, uint64_t count,
+                             l4d_splat_buffers* out) {
+  return slice_streams(streams, count, out);
+}
+l4d_status l4d_slice_streams_columns(const l4d_shown_stream* streams, uint64_t count,
+                                     l4d_splat_columns* out) {
+  return slice_streams(streams, count, out);
 }
 
 l4d_status l4d_decoder_get_losses(const l4d_decoder* decoder, l4d_loss* out, uint64_t capacity,
@@ -536,14 +491,12 @@ l4d_status l4d_validate(const l4d_reader* reader, const l4d_decoder_options* opt
     if (const char* bad = first_of(required(reader, num_violations), optional(options))) {
       return l4d::invalid_argument(bad);
     }
-    l4d_decoder_options resolved{};
-    if (options != nullptr) resolved = read_struct(*options, resolved);
+    const l4d_decoder_options resolved = read_optional(options);
     if (resolved.threads > L4D_MAX_THREADS) {
       return l4d::invalid_argument("threads is above L4D_MAX_THREADS");
     }
     *num_violations = 0;
-    return l4d::validate_file(read_struct(*reader, l4d_reader{}), resolved,
-                              reporter(fn, user, num_violations));
+    return l4d::validate_file(read_struct(*reader), resolved, reporter(fn, user, num_violations));
   }));
 }
 

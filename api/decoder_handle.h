@@ -17,7 +17,6 @@ struct l4d_decoder {
         decodes_on_device(options.backend == L4D_BACKEND_CUDA && options.tolerant == 0) {}
   l4d::Decoder impl;
   mutable l4d::api::Busy busy;
-  l4d::api::ErrorMessage error;
   bool decodes_on_device;
 #ifdef L4D_HAVE_CUDA
   std::unique_ptr<l4d::cuda::HostDecode> device;  // of the stream that is open, once it has decoded

@@ -9,5 +9,4 @@ struct l4d_encoder {
   explicit l4d_encoder(const l4d_encoder_options& options) : impl(options) {}
   l4d::Encoder impl;
   mutable l4d::api::Busy busy;
-  l4d::api::ErrorMessage error;
 };

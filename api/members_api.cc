@@ -5,18 +5,22 @@
 #include <string>
 #include <vector>
 
+#include "api/list_output.h"
 #include "decoder/copy/copy_stream.h"
 #include "decoder/read/member_list.h"
+#include "l4d/experimental/copy.h"
 #include "l4d/members.h"
 #include "libl4dcodec/base/first_versions.h"
 
 using l4d::ListedMember;
 using l4d::MemberRole;
 using l4d::Status;
+using l4d::api::bad_output;
+using l4d::api::copy_out;
 using l4d::api::guard;
-using l4d::api::init_struct;
 using l4d::api::keep_last;
 using l4d::api::optional;
+using l4d::api::read_optional;
 using l4d::api::read_struct;
 using l4d::api::required;
 using l4d::api::write_struct;
@@ -24,19 +28,6 @@ using l4d::api::write_struct;
 namespace {
 
 constexpr uint64_t kDefaultMemory = uint64_t{16} << 30;
-
-l4d_members_options default_members_options() {
-  l4d_members_options o{};
-  o.struct_size = sizeof o;
-  return o;
-}
-
-l4d_member_parameters default_parameters() {
-  l4d_member_parameters p{};
-  p.struct_size = sizeof p;
-  p.max_level = p.max_tier = UINT32_MAX;
-  return p;
-}
 
 }  // namespace
 
@@ -70,54 +61,6 @@ Status find_member(const l4d::MemberList& list, uint64_t index, const ListedMemb
   return {};
 }
 
-// The media member of a time, null if there is none: the last one that begins by then, or the one
-// after it if that is nearer.
-const ListedMember* media_at(const l4d::MemberList& list, double time) {
-  const ListedMember* before = nullptr;
-  for (const ListedMember& m : list.members()) {
-    if (!m.is(MemberRole::kMedia)) continue;
-    if (m.begin > time) {
-      return before == nullptr || (time >= before->end && m.begin - time < time - before->end)
-                 ? &m
-                 : before;
-    }
-    before = &m;
-  }
-  return before;
-}
-
-Status find_shown(const l4d::MemberList& list, double time, std::vector<uint32_t>* out) {
-  const ListedMember* media = media_at(list, time);
-  if (media == nullptr) return {};
-  const std::vector<ListedMember>& members = list.members();
-  out->push_back(static_cast<uint32_t>(media - members.data()));
-  for (uint32_t k = 0; k < media->num_needs; ++k) {
-    const uint32_t number = list.needs()[media->first_need + k];
-    const auto it =
-        std::lower_bound(members.begin(), members.end(), number,
-                         [](const ListedMember& m, uint32_t n) { return m.number < n; });
-    if (it == members.end() || it->number != number) {
-      return Status(L4D_ERR_TRUNCATED, "MEMB-7", media->offset,
-                    "member " + std::to_string(media->number) + " needs member " +
-                        std::to_string(number) + ", which is not in this file");
-    }
-    out->push_back(static_cast<uint32_t>(it - members.begin()));
-  }
-  return {};
-}
-
-template <typename T>
-void copy_out(const std::vector<T>& from, T* out, uint64_t capacity, uint64_t* count) {
-  std::copy_n(from.begin(), std::min<uint64_t>(capacity, from.size()), out);
-  *count = from.size();
-}
-
-// An array of `capacity` elements that may be NULL if that is 0, and where their number goes.
-const char* bad_output(const void* out, uint64_t capacity, const uint64_t* count) {
-  const bool lacks = count == nullptr || (capacity > 0 && out == nullptr);
-  return lacks ? "a required pointer is NULL" : nullptr;
-}
-
 Status to_request(const l4d_member_parameters& p, l4d::CopyRequest* out) {
   out->is_member = p.is_member != 0;
   out->member.stream = p.stream;
@@ -129,8 +72,8 @@ Status to_request(const l4d_member_parameters& p, l4d::CopyRequest* out) {
   out->member.needs.assign(p.needs, p.needs + p.num_needs);
   out->has_edit = p.has_edit != 0;
   out->edit = {p.edit_begin, p.edit_end};
-  out->max_level = p.max_level;
-  out->max_tier = p.max_tier;
+  out->levels = p.levels;
+  out->tiers = p.tiers;
   return {};
 }
 
@@ -145,19 +88,6 @@ l4d::WriteFn writer_of(const l4d_writer& writer) {
 
 extern "C" {
 
-void l4d_member_init_(l4d_member* member, size_t struct_size) {
-  init_struct(member, struct_size, l4d_member{});
-}
-void l4d_members_options_init_(l4d_members_options* options, size_t struct_size) {
-  init_struct(options, struct_size, default_members_options());
-}
-void l4d_members_info_init_(l4d_members_info* info, size_t struct_size) {
-  init_struct(info, struct_size, l4d_members_info{});
-}
-void l4d_member_parameters_init_(l4d_member_parameters* parameters, size_t struct_size) {
-  init_struct(parameters, struct_size, default_parameters());
-}
-
 l4d_status l4d_members_open(const l4d_reader* reader, const l4d_members_options* options,
                             l4d_members** out) {
   return keep_last(guard([&]() -> Status {
@@ -165,11 +95,9 @@ l4d_status l4d_members_open(const l4d_reader* reader, const l4d_members_options*
     if (bad == nullptr) bad = optional(options);
     if (bad == nullptr) bad = required(out);
     if (bad != nullptr) return l4d::invalid_argument(bad);
-    const l4d_members_options o = options == nullptr
-                                      ? default_members_options()
-                                      : read_struct(*options, default_members_options());
+    const l4d_members_options o = read_optional(options);
     auto made = std::make_unique<l4d_members>();
-    made->reader = read_struct(*reader, l4d_reader{});
+    made->reader = read_struct(*reader);
     made->memory.set_limit(o.max_memory_bytes > 0 ? o.max_memory_bytes : kDefaultMemory);
     L4D_RETURN_IF_ERROR(l4d::ByteSource::from_reader(made->reader, &made->source));
     L4D_RETURN_IF_ERROR(o.ignore_index != 0 ? made->list.walk() : made->list.read());
@@ -190,13 +118,10 @@ l4d_status l4d_members_get_info(const l4d_members* members, l4d_members_info* in
     i.stream = list.stream();
     i.from_index = list.is_from_index();
     i.rest = list.rest().code();
+    i.rest_message = members->rest.c_str();
     write_struct(i, info);
     return {};
   });
-}
-
-const char* l4d_members_rest_message(const l4d_members* members) {
-  return members == nullptr ? "" : members->rest.c_str();
 }
 
 l4d_status l4d_members_get(const l4d_members* members, uint64_t index, l4d_member* out) {
@@ -238,7 +163,7 @@ l4d_status l4d_members_get_shown(const l4d_members* members, double time, uint32
   return with_members(members, bad, [&](const l4d::MemberList& list) -> Status {
     if (!std::isfinite(time)) return l4d::invalid_argument("time is finite");
     std::vector<uint32_t> shown;
-    L4D_RETURN_IF_ERROR(find_shown(list, time, &shown));
+    L4D_RETURN_IF_ERROR(l4d::find_shown(list.members(), list.needs(), time, &shown));
     copy_out(shown, indices, capacity, count);
     return {};
   });
@@ -269,10 +194,10 @@ l4d_status l4d_copy_member(const l4d_reader* stream, const l4d_decoder_options* 
     l4d_decoder_options limits{};
     if (options != nullptr) limits = read_struct(*options, limits);
     l4d::CopyRequest request;
-    L4D_RETURN_IF_ERROR(to_request(read_struct(*parameters, default_parameters()), &request));
+    L4D_RETURN_IF_ERROR(to_request(read_struct(*parameters), &request));
     uint64_t written = 0;
-    L4D_RETURN_IF_ERROR(l4d::copy_stream(read_struct(*stream, l4d_reader{}), limits, request,
-                                         writer_of(*writer), &written));
+    L4D_RETURN_IF_ERROR(
+        l4d::copy_stream(read_struct(*stream), limits, request, writer_of(*writer), &written));
     if (bytes != nullptr) *bytes = written;
     return {};
   }));

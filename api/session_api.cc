@@ -4,13 +4,13 @@
 
 #include "api/encoder_handle.h"
 #include "encoder/session/session.h"
-#include "l4d/session.h"
+#include "l4d/experimental/session.h"
 #include "libl4dcodec/base/first_versions.h"
 
 using l4d::Status;
 using l4d::api::call_on;
-using l4d::api::init_struct;
 using l4d::api::optional;
+using l4d::api::read_optional;
 using l4d::api::read_struct;
 using l4d::api::required;
 using l4d::api::write_struct;
@@ -29,21 +29,13 @@ struct l4d_session {
 
 namespace {
 
-l4d_session_options default_options() {
-  const l4d::SessionOptions usual;
-  l4d_session_options o{};
-  o.struct_size = sizeof o;
-  o.segment_seconds = usual.segment;
-  o.end = usual.end;
-  o.standing_segments = usual.standing_segments;
-  return o;
-}
-
 Status check(const l4d_session_options& options) {
-  if (!(options.segment_seconds > 0 && std::isfinite(options.segment_seconds))) {
-    return l4d::invalid_argument("segment_seconds must be above 0 and finite");
+  if (!(options.segment_seconds >= 0 && std::isfinite(options.segment_seconds))) {
+    return l4d::invalid_argument("segment_seconds must be at least 0 and finite");
   }
-  if (std::isnan(options.end)) return l4d::invalid_argument("end is not a number");
+  if (options.has_end > 1) return l4d::invalid_argument("has_end is 0 or 1");
+  if (options.has_end != 0 && std::isnan(options.end))
+    return l4d::invalid_argument("end is not a number");
   return {};
 }
 
@@ -51,24 +43,19 @@ Status check(const l4d_session_options& options) {
 
 extern "C" {
 
-void l4d_session_options_init_(l4d_session_options* options, size_t struct_size) {
-  init_struct(options, struct_size, default_options());
-}
-
 l4d_status l4d_session_create(l4d_encoder* encoder, const l4d_session_options* options,
                               l4d_session** out) {
   const char* bad = required(out);
   if (bad == nullptr) bad = optional(options);
   return call_on(encoder, bad, [&]() -> Status {
-    const l4d_session_options given =
-        options == nullptr ? default_options() : read_struct(*options, default_options());
+    const l4d_session_options given = read_optional(options);
     L4D_RETURN_IF_ERROR(check(given));
     l4d::SessionOptions o;
-    o.segment = given.segment_seconds;
-    o.end = given.end;
+    if (given.segment_seconds > 0) o.segment = given.segment_seconds;
+    if (given.has_end != 0) o.end = given.end;
     o.stream = given.stream;
     o.max_memory_bytes = given.max_memory_bytes == 0 ? UINT64_MAX : given.max_memory_bytes;
-    o.standing_segments = given.standing_segments == 0 ? UINT32_MAX : given.standing_segments;
+    if (given.standing_segments > 0) o.standing_segments = given.standing_segments;
     *out = std::make_unique<l4d_session>(encoder, o).release();
     return {};
   });
@@ -93,7 +80,7 @@ l4d_status l4d_session_add_empty(l4d_session* session, const l4d_timeline* timel
 l4d_status l4d_session_encode(l4d_session* session, const l4d_writer* writer, l4d_member* member) {
   return call_on(session == nullptr ? nullptr : session->encoder, required(writer, member),
                  [&]() -> Status {
-                   const l4d_writer w = read_struct(*writer, l4d_writer{});
+                   const l4d_writer w = read_struct(*writer);
                    if (w.write == nullptr) {
                      return l4d::invalid_argument("the writer lacks its callback");
                    }

@@ -12,8 +12,7 @@ namespace l4d::cli {
 // Appends to `bytes`, which lives longer. Fails where there is no memory: nothing is thrown through
 // a function of C.
 inline l4d_writer writer_to(std::vector<uint8_t>* bytes) {
-  l4d_writer writer;
-  l4d_writer_init(&writer);
+  l4d_writer writer = L4D_INIT(l4d_writer);
   writer.user = bytes;
   writer.write = [](void* user, const void* src, size_t n) {
     auto& to = *static_cast<std::vector<uint8_t>*>(user);

@@ -136,7 +136,7 @@ io::CameraSet make_orbit(const io::Scene& instant, uint32_t count, const std::st
 }
 
 void note_cameras(Context& context, const io::CameraSet& set) {
-  for (const std::string& note : set.notes) context.note(note);
+  for (const std::string& note : io::notes_of_pinholes(set)) context.note(note);
 }
 
 void check_captured(const eval::CameraViews& all) {

@@ -3,6 +3,7 @@
 
 #include "cli/text/help.h"
 #include "cli/text/units.h"
+#include "cli/verbs/cameras.h"
 #include "cli/verbs/serve.h"
 
 namespace l4d::cli {
@@ -40,6 +41,7 @@ CommandLine::CommandLine()
 
   add_encode(registry);
   add_decode(registry);
+  add_convert(registry);
   add_info(registry);
   add_slice(registry);
   add_render(registry);
@@ -47,6 +49,7 @@ CommandLine::CommandLine()
   add_compare(registry);
   add_sensitivity(registry);
   add_synth(registry);
+  add_cameras(registry);
   add_concat(registry);
   add_cut(registry);
   add_remux(registry);

@@ -122,8 +122,7 @@ const io::MemoryBudget& Context::budget() {
 }
 
 l4d_decoder_options Context::decoder_options(uint32_t share) const {
-  l4d_decoder_options o;
-  l4d_decoder_options_init(&o);
+  l4d_decoder_options o = L4D_INIT(l4d_decoder_options);
   o.threads = options.threads;
   o.backend = backend();
   const uint64_t limit = memory_limit();
@@ -163,8 +162,7 @@ void add_common_options(Verb* verb, CommonOptions& o) {
 namespace {
 
 void require_device() {
-  l4d_cuda_device_info info;
-  l4d_cuda_device_info_init(&info);
+  l4d_cuda_device_info info = L4D_INIT(l4d_cuda_device_info);
   const l4d_status status = l4d_cuda_get_device_info(0, &info);
   if (status == L4D_ERR_FEATURE_UNSUPPORTED) {
     throw Failure(status, "this build has no CUDA backend; use --backend auto, reference or cpu");

@@ -136,6 +136,7 @@ void add_common_options(Verb* verb, CommonOptions& options);
 void add_version(Registry& registry);
 void add_encode(Registry& registry);
 void add_decode(Registry& registry);
+void add_convert(Registry& registry);
 void add_info(Registry& registry);
 void add_slice(Registry& registry);
 void add_validate(Registry& registry);

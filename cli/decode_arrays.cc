@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "cli/arrays.h"
+#include "l4d/experimental/packed.h"
 
 namespace l4d::cli {
 namespace {
@@ -26,13 +27,14 @@ class Collector {
     spans.resize(static_cast<size_t>(selection_.num_spans));
   }
 
-  // A new array of zeros. T is what `type` says.
+  // A new array of zeros, in the order of the host until `finish`.
   template <typename T>
-  T* add(const std::string& name, const char* type, std::vector<uint64_t> shape) {
-    Array array{name, type, std::move(shape), nullptr, nullptr};
+  T* add(const std::string& name, std::vector<uint64_t> shape) {
+    io::RawArray array{name, io::raw_type<T>(), std::move(shape), nullptr, nullptr};
     const auto owner = std::make_shared<std::vector<T>>(static_cast<size_t>(array.num_elements()));
     T* values = owner->data();
-    array.data = reinterpret_cast<unsigned char*>(values);
+    data_.push_back(reinterpret_cast<unsigned char*>(values));
+    array.data = data_.back();
     array.owner = owner;
     out.arrays.push_back(std::move(array));
     return values;
@@ -42,26 +44,30 @@ class Collector {
   Arrays finish(uint64_t count, uint64_t num_spans) {
     out.count = count;
     const uint64_t selected = selection_.num_gaussians;
-    for (Array& array : out.arrays) {
+    for (size_t a = 0; a < out.arrays.size(); ++a) {
+      io::RawArray& array = out.arrays[a];
       if (array.name.find(".escape") != std::string::npos) continue;
       const bool by_stage = array.name.find(".index") != std::string::npos;
       uint64_t& rows = array.shape[by_stage ? 1 : 0];
       if (by_stage && count < selected) {
         const size_t width = array.element_bytes();
         for (uint64_t s = 1; s < array.shape[0]; ++s) {
-          std::memmove(array.data + s * count * width, array.data + s * selected * width,
+          std::memmove(data_[a] + s * count * width, data_[a] + s * selected * width,
                        static_cast<size_t>(count) * width);
         }
       }
       rows = count;
     }
-    uint64_t* row = add<uint64_t>("buckets", "u64", {num_spans, 3});
+    uint64_t* row = add<uint64_t>("buckets", {num_spans, 3});
     for (size_t k = 0; k < num_spans; ++k) {
       *row++ = spans[k].layer;
       *row++ = spans[k].bucket;
       *row++ = spans[k].count;
     }
-    for (Array& array : out.arrays) array.make_little_endian();
+    for (size_t a = 0; a < out.arrays.size(); ++a) {
+      const io::RawArray& array = out.arrays[a];
+      io::to_little_endian(data_[a], array.num_bytes(), array.element_bytes());
+    }
     return std::move(out);
   }
 
@@ -71,6 +77,7 @@ class Collector {
  private:
   Context& context_;
   const l4d_selection selection_;
+  std::vector<unsigned char*> data_;  // of each array
 };
 
 // How many escapes of scale are one number shorter than others: those of permanent layers.
@@ -97,18 +104,17 @@ Arrays decode_attributes(Context& context, const DecoderHandle& decoder, const l
   const bool windows = (info.tools & L4D_TOOL_FLAT_WINDOWS) != 0;
   collector.hold((3 + 2 + 2 + 4 + 8 + 1 + 3 * coefficients + (windows ? 2 : 0)) * sizeof(float));
   collector.out.form = "attributes";
-  l4d_gaussian_buffers buffers;
-  l4d_gaussian_buffers_init(&buffers);
+  l4d_gaussian_buffers buffers = L4D_INIT(l4d_gaussian_buffers);
   buffers.capacity = n;
-  buffers.position = collector.add<float>("position", "f32", {n, 3});
-  buffers.mean_t = collector.add<float>("mean_t", "f32", {n});
-  buffers.mean_t_local = collector.add<float>("mean_t_local", "f32", {n});
-  double* exact = collector.add<double>("mean_t_exact", "f64", {n});
-  buffers.log_scale = collector.add<float>("log_scale", "f32", {n, 4});
-  buffers.rotor = collector.add<float>("rotor", "f32", {n, 8});
-  buffers.opacity = collector.add<float>("opacity", "f32", {n});
-  buffers.sh = collector.add<float>("sh", "f32", {n, coefficients, 3});
-  if (windows) buffers.window = collector.add<uint32_t>("window", "u32", {n, 2});
+  buffers.position = collector.add<float>("position", {n, 3});
+  buffers.mean_t = collector.add<float>("mean_t", {n});
+  buffers.mean_t_local = collector.add<float>("mean_t_local", {n});
+  double* exact = collector.add<double>("mean_t_exact", {n});
+  buffers.log_scale = collector.add<float>("log_scale", {n, 4});
+  buffers.rotor = collector.add<float>("rotor", {n, 8});
+  buffers.opacity = collector.add<float>("opacity", {n});
+  buffers.sh = collector.add<float>("sh", {n, coefficients, 3});
+  if (windows) buffers.window = collector.add<uint32_t>("window", {n, 2});
   buffers.spans = collector.spans.data();
   buffers.span_capacity = collector.spans.size();
   // Exact mean times make the host decode: a device decodes the rest by itself.
@@ -117,8 +123,7 @@ Arrays decode_attributes(Context& context, const DecoderHandle& decoder, const l
   decoder.check(l4d_decoder_decode(decoder.get(), &query, &buffers));
   const uint64_t count = buffers.count;
   if (apart) {
-    l4d_gaussian_buffers times;
-    l4d_gaussian_buffers_init(&times);
+    l4d_gaussian_buffers times = L4D_INIT(l4d_gaussian_buffers);
     times.capacity = n;
     times.mean_t_double = exact;
     decoder.check(l4d_decoder_decode(decoder.get(), &query, &times));
@@ -144,18 +149,17 @@ Arrays decode_packed(Context& context, const DecoderHandle& decoder, const l4d_q
   for (size_t c = 0; c < stages.size(); ++c) bytes += 1 + stages[c] * sizeof(uint16_t);
   collector.hold(bytes);
   collector.out.form = "packed";
-  l4d_packed_buffers buffers;
-  l4d_packed_buffers_init(&buffers);
+  l4d_packed_buffers buffers = L4D_INIT(l4d_packed_buffers);
   buffers.capacity = n;
-  buffers.position = collector.add<uint16_t>("position", "u16", {n, 3});
-  buffers.mean_t = collector.add<uint16_t>("mean_t", "u16", {n});
-  buffers.opacity = collector.add<uint16_t>("opacity", "u16", {n});
-  buffers.scale_factor = collector.add<uint16_t>("scale_factor", "u16", {n});
-  if (windows) buffers.window = collector.add<uint32_t>("window", "u32", {n, 2});
+  buffers.position = collector.add<uint16_t>("position", {n, 3});
+  buffers.mean_t = collector.add<uint16_t>("mean_t", {n});
+  buffers.opacity = collector.add<uint16_t>("opacity", {n});
+  buffers.scale_factor = collector.add<uint16_t>("scale_factor", {n});
+  if (windows) buffers.window = collector.add<uint32_t>("window", {n, 2});
   for (size_t c = 0; c < stages.size(); ++c) {
     const std::string name = kNames[c];
-    buffers.component[c].depth = collector.add<uint8_t>(name + ".depth", "u8", {n});
-    buffers.component[c].index = collector.add<uint16_t>(name + ".index", "u16", {stages[c], n});
+    buffers.component[c].depth = collector.add<uint8_t>(name + ".depth", {n});
+    buffers.component[c].index = collector.add<uint16_t>(name + ".index", {stages[c], n});
   }
   buffers.spans = collector.spans.data();
   buffers.span_capacity = collector.spans.size();
@@ -170,12 +174,11 @@ Arrays decode_packed(Context& context, const DecoderHandle& decoder, const l4d_q
   }
   const std::shared_ptr<void> memory =
       io::hold(context.budget().holder(), escapes * sizeof(uint16_t), "the decoded escapes");
-  l4d_packed_buffers again;
-  l4d_packed_buffers_init(&again);
+  l4d_packed_buffers again = L4D_INIT(l4d_packed_buffers);
   again.capacity = n;
   for (size_t c = 0; c < stages.size(); ++c) {
     again.component[c].escape =
-        collector.add<uint16_t>(std::string(kNames[c]) + ".escape", "u16", {numbers[c]});
+        collector.add<uint16_t>(std::string(kNames[c]) + ".escape", {numbers[c]});
     again.component[c].escape_capacity = buffers.component[c].num_escapes;
   }
   if (escapes > 0) decoder.check(l4d_decoder_decode_packed(decoder.get(), &query, &again));

@@ -15,6 +15,7 @@
 
 #include "cli/text/progress.h"
 #include "io/file/foreign_file.h"
+#include "io/formats/scene_file.h"
 
 namespace l4d::cli {
 namespace fs = std::filesystem;
@@ -88,10 +89,8 @@ Input::Input(Context& context, const std::string& name, const std::string& what)
   const io::FileHandle file(std::fopen(path_.c_str(), "rb"));
   if (!file) throw io_failure(name_, "cannot open", errno);
   bytes_ = static_cast<uint64_t>(status.st_size);
-  char magic[4] = {};
-  const size_t got = std::fread(magic, 1, sizeof(magic), file.get());
-  is_ply_ = got == sizeof(magic) && std::memcmp(magic, "ply", 3) == 0 &&
-            (magic[3] == '\n' || magic[3] == '\r');
+  is_scene_ = io::is_scene_file(path_, name);
+  if (is_scene_) return;
   const std::optional<io::ForeignKind> foreign = io::identify_foreign(path_, name);
   if (!foreign) return;
   throw Failure(L4D_ERR_FEATURE_UNSUPPORTED,
@@ -173,7 +172,7 @@ std::string derived_name(const std::string& input, const std::string& extension)
 
 FileReader::FileReader(const std::string& path) : file_(std::fopen(path.c_str(), "rb")) {
   if (!file_) throw io_failure(path, "cannot open", errno);
-  l4d_reader_init(&reader_);
+  reader_ = L4D_INIT(l4d_reader);
   reader_.user = file_.get();
   reader_.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
     if (interrupted()) return -1;

@@ -22,14 +22,15 @@ class Input {
   Input(Context& context, const std::string& name, const std::string& what = kTheInput);
   const std::string& path() const { return path_; }  // to open
   const std::string& name() const { return name_; }  // to print
-  bool is_ply() const { return is_ply_; }
+  // Whether io::read_scene_file() reads it; else it is a stream.
+  bool is_scene() const { return is_scene_; }
   uint64_t bytes() const { return bytes_; }
 
  private:
   std::string name_;
   std::string path_;
   io::FileHandle spool_;
-  bool is_ply_ = false;
+  bool is_scene_ = false;
   uint64_t bytes_ = 0;
 };
 

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <new>
 #include <sstream>
 #include <string_view>
 
@@ -153,6 +154,16 @@ void fill_standard_streams() {
   }
 }
 
+// Decoder and renderer name the share of the limit that they were given.
+Failure with_limit(Failure failure, const Context& context) {
+  const std::string option = "--limit-memory";
+  const std::string& given = context.options.limit_memory;
+  if (failure.code() != kExitLimit || given.empty()) return failure;
+  const std::string message = failure.what();
+  if (message.find(option) != std::string::npos) return failure;
+  return Failure(failure.code(), failure.name(), message + ", a share of " + option + " " + given);
+}
+
 int run(int argc, char** argv) {
   std::vector<std::string> words(argv + std::min(argc, 1), argv + argc);
   const bool json = std::find(words.begin(), words.end(), "--json") != words.end();
@@ -196,7 +207,7 @@ int run(int argc, char** argv) {
     Outcome outcome = registry.run();
     return helps ? static_cast<int>(kExitOk) : print_outcome(outcome, context);
   } catch (...) {
-    const int code = report_failure(current_failure(""), json, registry.verb);
+    const int code = report_failure(with_limit(current_failure(""), context), json, registry.verb);
     context.group().abort(code);
     return code;
   }
@@ -212,8 +223,10 @@ int main(int argc, char** argv) {
     std::signal(SIGPIPE, SIG_IGN);
     std::signal(SIGXFSZ, SIG_IGN);  // nor a file that gets larger than `ulimit -f` allows
     return l4d::cli::run(argc, argv);
+  } catch (const std::bad_alloc&) {
+    std::fputs("l4dcodec: out of memory\n", stderr);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "l4dcodec: %s\n", error.what());
-    return l4d::cli::kExitRuntime;
   }
+  return l4d::cli::kExitRuntime;
 }

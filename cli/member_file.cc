@@ -11,6 +11,8 @@
 #include "cli/text/units.h"
 #include "eval/decoded_scene.h"
 #include "io/file/file.h"
+#include "l4d/experimental/copy.h"
+#include "l4d/experimental/inspect.h"
 
 namespace l4d::cli {
 
@@ -58,8 +60,7 @@ void MemberFile::check(l4d_status status) const {
 }
 
 MemberFile::List MemberFile::open(const l4d_reader& reader, bool ignore_index) const {
-  l4d_members_options options;
-  l4d_members_options_init(&options);
+  l4d_members_options options = L4D_INIT(l4d_members_options);
   options.max_memory_bytes = max_memory_bytes_;
   options.ignore_index = ignore_index ? 1 : 0;
   l4d_members* list = nullptr;
@@ -75,11 +76,11 @@ MemberFile::MemberFile(const Context& context, const std::string& path, const st
       list_(open(*reader_.get(), ignore_index)),
       is_signed_(has_signature(*reader_.get())) {
   const l4d_members* list = list_.get();
-  l4d_members_info_init(&info_);
+  info_ = L4D_INIT(l4d_members_info);
   check(l4d_members_get_info(list, &info_));
   for (uint64_t i = 0; i < info_.count; ++i) {
     MemberInfo m;
-    l4d_member_init(&m.member);
+    m.member = L4D_INIT(l4d_member);
     check(l4d_members_get(list, i, &m.member));
     m.needs.resize(m.member.num_needs);
     uint64_t count = 0;
@@ -89,23 +90,20 @@ MemberFile::MemberFile(const Context& context, const std::string& path, const st
 }
 
 l4d_reader MemberFile::reader(size_t index) const {
-  l4d_reader out;
-  l4d_reader_init(&out);
+  l4d_reader out = L4D_INIT(l4d_reader);
   check(l4d_members_get_reader(list_.get(), index, &out));
   return out;
 }
 
 SequenceSpan MemberFile::sequence_of(size_t index) const {
   const List alone = open(reader(index), true);
-  l4d_member m;
-  l4d_member_init(&m);
+  l4d_member m = L4D_INIT(l4d_member);
   check(l4d_members_get(alone.get(), 0, &m));
   return {m.sequence_begin, m.sequence_end};
 }
 
 DecoderHandle MemberFile::open_stream(size_t index) const {
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   options.max_memory_bytes = max_memory_bytes_;
   options.accept_needs = 1;
   DecoderHandle decoder(&options);
@@ -133,18 +131,25 @@ bool MemberFile::is_plain() const {
          first.member.shift == 0 && first.member.number == 0;
 }
 
+bool MemberFile::has_media() const {
+  return std::any_of(members_.begin(), members_.end(),
+                     [](const MemberInfo& m) { return m.is_media(); });
+}
+
 double MemberFile::begin() const {
   for (const MemberInfo& m : members_) {
     if (m.is_media()) return m.member.begin;
   }
-  throw Failure(L4D_ERR_CORRUPT, name_ + ": no media member");
+  throw usage_error(name_ +
+                    " has no media member: it is valid, but nothing of it belongs to a time");
 }
 
 double MemberFile::end() const {
   for (auto m = members_.rbegin(); m != members_.rend(); ++m) {
     if (m->is_media()) return m->member.end;
   }
-  throw Failure(L4D_ERR_CORRUPT, name_ + ": no media member");
+  throw usage_error(name_ +
+                    " has no media member: it is valid, but nothing of it belongs to a time");
 }
 
 void MemberFile::require_whole() const {
@@ -153,8 +158,7 @@ void MemberFile::require_whole() const {
 }
 
 l4d_member_parameters parameters_of(const MemberInfo& m) {
-  l4d_member_parameters p;
-  l4d_member_parameters_init(&p);
+  l4d_member_parameters p = L4D_INIT(l4d_member_parameters);
   p.is_member = 1;
   p.number = m.member.number;
   p.role = m.member.role;
@@ -291,8 +295,7 @@ void MemberWriter::fail(const char* action, int error) const {
 }
 
 l4d_writer MemberWriter::writer() {
-  l4d_writer out;
-  l4d_writer_init(&out);
+  l4d_writer out = L4D_INIT(l4d_writer);
   out.user = this;
   out.write = &write;
   return out;

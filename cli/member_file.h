@@ -9,6 +9,8 @@
 #include "cli/common.h"
 #include "cli/files.h"
 #include "cli/scene_source.h"
+#include "l4d/experimental/copy.h"
+#include "l4d/experimental/inspect.h"
 #include "l4d/members.h"
 #include "libl4dcodec/scene/frame.h"
 
@@ -41,7 +43,7 @@ class MemberFile {
   const std::vector<MemberInfo>& members() const { return members_; }
   const l4d_members_info& info() const { return info_; }
   // Why the list ends before the file, "" if it does not.
-  std::string rest() const { return l4d_members_rest_message(list_.get()); }
+  std::string rest() const { return info_.rest_message; }
   const l4d_members* get() const { return list_.get(); }
   l4d_reader reader(size_t index) const;
   // As reader, where a damaged member is no failure.
@@ -60,6 +62,7 @@ class MemberFile {
   // One stream that says nothing of members.
   bool is_plain() const;
   bool has_index() const { return members_.back().is_index(); }
+  bool has_media() const;
   // From the first span to the last one. Throws a Failure if there is no media member.
   double begin() const;
   double end() const;

@@ -58,7 +58,7 @@ void check_url(const std::string& url) {
 }
 
 std::string playlist_of(const std::vector<MemberInfo>& members, bool complete,
-                        const std::string& url, double longest) {
+                        const std::string& url, uint64_t stream, double longest) {
   std::string lines;
   const MemberInfo* before = nullptr;
   for (const MemberInfo& m : members) {
@@ -76,7 +76,9 @@ std::string playlist_of(const std::vector<MemberInfo>& members, bool complete,
   return "#EXTM3U\n#EXT-X-VERSION:4\n" +
          format("#EXT-X-TARGETDURATION:%.0f\n", std::max(1.0, std::round(longest))) +
          (complete ? "#EXT-X-PLAYLIST-TYPE:VOD\n" : "#EXT-X-PLAYLIST-TYPE:EVENT\n") +
-         "#EXT-X-MEDIA-SEQUENCE:0\n" + lines + (complete ? "#EXT-X-ENDLIST\n" : "");
+         "#EXT-X-MEDIA-SEQUENCE:0\n" +
+         (stream != 0 ? "#EXT-X-L4D-STREAM:" + std::to_string(stream) + "\n" : "") + lines +
+         (complete ? "#EXT-X-ENDLIST\n" : "");
 }
 
 }  // namespace l4d::cli

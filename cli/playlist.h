@@ -17,9 +17,9 @@ std::string reference_to(const std::string& name, const std::filesystem::path& f
 // Throws a usage error where a URL cannot stand in a playlist.
 void check_url(const std::string& url);
 
-// complete: nothing is appended any more. longest: seconds of a segment, or less than those that
-// are there.
+// complete: nothing is appended any more. stream: what all members have in common. longest: seconds
+// of a segment, or less than those that are there.
 std::string playlist_of(const std::vector<MemberInfo>& members, bool complete,
-                        const std::string& url, double longest = 0);
+                        const std::string& url, uint64_t stream, double longest = 0);
 
 }  // namespace l4d::cli

@@ -54,7 +54,7 @@ ProcessGroup::ProcessGroup() {
     local_count_ = static_cast<uint32_t>(count);
     MPI_Comm_free(&local);
   }
-  l4d_process_group_init(&handle_);
+  handle_ = L4D_INIT(l4d_process_group);
   handle_.rank = rank_;
   handle_.count = count_;
   handle_.sum = sum;

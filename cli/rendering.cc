@@ -5,15 +5,16 @@
 #include <utility>
 
 #include "cli/member_file.h"
+#include "cli/text/progress.h"
 
 namespace l4d::cli {
 
 l4d_renderer_options renderer_options(const Context& context, const std::string& path,
                                       uint32_t renderers) {
-  l4d_renderer_options options;
-  l4d_renderer_options_init(&options);
+  l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
   options.threads = context.options.threads;
   options.max_memory_bytes = context.renderer_memory(renderers);
+  options.cancel = interrupt_cell();
   // --backend reference is of decoders: images have --path for it.
   const bool cuda = context.backend() == L4D_BACKEND_CUDA;
   if (cuda && path == "reference") throw usage_error("--path reference contradicts --backend cuda");
@@ -38,7 +39,7 @@ eval::RenderedScene render_input(Context& context, const Input& input,
   eval::Rendering rendering = rendering_of(context, path, scenes);
   rendering.decoder.tolerant = tolerant ? 1 : 0;
   eval::RenderedScene::Source source = eval::StreamFile{input.path()};
-  if (input.is_ply()) {
+  if (input.is_scene()) {
     source = load_scene(context, input, arguments).scene;
   } else if (has_members(context, input)) {
     const auto reader = std::make_shared<FileReader>(input.path());

@@ -7,22 +7,25 @@
 #include "cli/member_file.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
-#include "io/ply/scene_ply.h"
+#include "io/formats/scene_file.h"
+#include "l4d/experimental/parameters.h"
 
 namespace l4d::cli {
 namespace {
 
-io::Scene import_ply(Context& context, const Input& input, const ImportArguments& arguments) {
+io::Scene import_scene(Context& context, const Input& input, const ImportArguments& arguments) {
   arguments.check();
   io::ImportOptions options;
   options.holder = context.budget().holder();
   if (!arguments.seconds.empty()) options.seconds = parse_seconds(arguments.seconds, "--seconds");
   if (!arguments.fps.empty()) options.fps = parse_number(arguments.fps, "--fps");
+  options.activated = arguments.activated;
   io::Scene scene;
   {
     Progress progress(context, "read");
     progress.step("reading");
-    scene = about(input.name(), [&] { return io::read_scene_ply(input.path(), options); });
+    scene = about(input.name(),
+                  [&] { return io::read_scene_file(input.path(), input.name(), options); });
   }
   check_interrupt();
   if (scene.count() == 0 && !arguments.may_be_empty) {
@@ -56,12 +59,16 @@ void add_import_options(Verb* verb, ImportArguments& arguments, bool takes_camer
   verb->add_option("--fps", arguments.fps, "Frame rate of such a PLY (default: 30)")
       ->type_name("F")
       ->group(group);
+  verb->add_flag("--activated", arguments.activated,
+                 "The PLY has opacities of 0 to 1 and lengths in the columns for logits and "
+                 "logarithms")
+      ->group(group);
 }
 
 LoadedScene load_scene(Context& context, const Input& input, const ImportArguments& arguments) {
-  if (input.is_ply()) {
+  if (input.is_scene()) {
     LoadedScene loaded;
-    loaded.scene = import_ply(context, input, arguments);
+    loaded.scene = import_scene(context, input, arguments);
     return loaded;
   }
   return about(input.name(), [&] {
@@ -76,6 +83,13 @@ LoadedScene load_scene(Context& context, const Input& input, const ImportArgumen
   });
 }
 
+void set_scene(const io::Scene& scene, const EncoderHandle& encoder) {
+  const l4d_gaussians view = scene.view();
+  encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
+  encoder.check(l4d_encoder_set_rendering(encoder.get(), &scene.rendering));
+  encoder.check(l4d_encoder_set_presentation(encoder.get(), &scene.presentation));
+}
+
 LoadedScene decode_scene(Context& context, const DecoderHandle& decoder, const l4d_query* query) {
   return eval::decode_scene(decoder, query, context.budget().holder());
 }
@@ -85,29 +99,25 @@ SceneStream::SceneStream(Context& context, const Input& input, const ImportArgum
         const l4d_decoder_options options = context.decoder_options();
         return DecoderHandle(&options);
       }()) {
-  if (!input.is_ply()) {
+  if (!input.is_scene()) {
     about(input.name(), [&] {
       decoder_.open_file(input.path());
       note_members(context, input, decoder_.info().timeline);
     });
     source_ = "l4d";
   } else {
-    const io::Scene scene = import_ply(context, input, arguments);
+    const io::Scene scene = import_scene(context, input, arguments);
     source_ = scene.source;
     about(input.name(), [&] {
-      l4d_encoder_options options;
-      l4d_encoder_options_init(&options);
+      l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
       options.threads = context.options.threads;
       const EncoderHandle encoder(&options);
       Progress progress(context, "read");
       encoder.check(l4d_encoder_set_progress(encoder.get(), &Progress::callback, &progress));
       encoder.check(l4d_encoder_set_preset(encoder.get(), "lossless"));
       // The stream lives for one command and stays in memory: speed is all that counts.
-      encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_ZSTD_LEVEL, L4D_ALL_COMPONENTS, 1));
-      const l4d_gaussians view = scene.view();
-      encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
-      encoder.check(l4d_encoder_set_rendering(encoder.get(), &scene.rendering));
-      encoder.check(l4d_encoder_set_presentation(encoder.get(), &scene.presentation));
+      encoder.set(L4D_ENC_ZSTD_LEVEL, 1);
+      set_scene(scene, encoder);
       stream_ = encoder.encode();
     });
     decoder_.open_memory(stream_.data(), stream_.size());

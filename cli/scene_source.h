@@ -16,6 +16,7 @@ namespace l4d::cli {
 struct ImportArguments {
   std::string seconds;
   std::string fps;
+  bool activated = false;
   bool may_be_empty = false;  // without Gaussians: a piece in which nothing becomes known
   // Usage errors, also where the scene is a stream and neither is used.
   void check() const;
@@ -28,6 +29,9 @@ using LoadedScene = eval::DecodedScene;
 // Reads a whole scene from a PLY of any known kind or from a stream. Import notes go to the
 // context.
 LoadedScene load_scene(Context& context, const Input& input, const ImportArguments& arguments = {});
+
+// Gives an encoder a scene with what it states of itself; borrowed.
+void set_scene(const io::Scene& scene, const EncoderHandle& encoder);
 
 // Reads all of an open stream, or what `query` selects; counted as held memory.
 LoadedScene decode_scene(Context& context, const DecoderHandle& decoder,

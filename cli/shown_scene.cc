@@ -9,7 +9,7 @@ namespace l4d::cli {
 ShownScene::ShownScene(Context& context, const Input& input, const ImportArguments& arguments,
                        bool tolerant)
     : context_(context), name_(input.name()) {
-  if (input.is_ply() || !has_members(context, input)) {
+  if (input.is_scene() || !has_members(context, input)) {
     stream_ = std::make_unique<TolerantStream>(context, input, arguments, tolerant);
     return;
   }
@@ -28,27 +28,38 @@ l4d_placement ShownScene::placement() const {
   return members_ ? members_->first().info().placement : stream_->info().placement;
 }
 
-void ShownScene::set_detail(uint32_t detail) {
-  if (members_) return members_->set_detail(detail);
-  stream_->decoder().set_detail(detail);
+const DecoderHandle& ShownScene::first() const {
+  return members_ ? members_->first() : stream_->decoder();
 }
 
-void ShownScene::set_layers(uint32_t max_level, uint32_t max_tier) {
-  if (members_) return members_->set_layers(max_level, max_tier);
-  stream_->decoder().set_layers(max_level, max_tier);
+l4d_rendering ShownScene::rendering() const {
+  l4d_rendering rendering = L4D_INIT(l4d_rendering);
+  first().check(l4d_decoder_get_rendering(first().get(), &rendering));
+  return rendering;
+}
+
+l4d_presentation ShownScene::presentation() const {
+  l4d_presentation presentation = L4D_INIT(l4d_presentation);
+  first().check(l4d_decoder_get_presentation(first().get(), &presentation));
+  return presentation;
 }
 
 uint64_t ShownScene::slice_bytes(double seconds) const {
-  return members_ ? members_->slice_bytes(seconds) : eval::slice_bytes(stream_->decoder(), seconds);
+  return members_
+             ? members_->slice_bytes(seconds)
+             : eval::slice_bytes(stream_->decoder(), seconds, stream_->decoder().info().sh_degree);
 }
 
-SplatArrays ShownScene::slice(double seconds, LossReport* losses) {
+SplatArrays ShownScene::slice(double seconds, const l4d_operating_point& point,
+                              LossReport* losses) {
   if (!members_) {
-    SplatArrays arrays = stream_->decoder().slice(seconds);
+    SliceOptions options;
+    options.point = point;
+    SplatArrays arrays = stream_->decoder().slice(seconds, options);
     losses->add(stream_->decoder());
     return arrays;
   }
-  SplatArrays arrays = members_->slice(seconds);
+  SplatArrays arrays = members_->slice(seconds, point);
   for (const eval::ShownMembers::Shown& s : members_->shown()) losses->add(*s.decoder, s.offset);
   for (const auto& [index, why] : members_->left_out()) {
     context_.note(name_ + ": left out is " + why);
@@ -59,8 +70,7 @@ SplatArrays ShownScene::slice(double seconds, LossReport* losses) {
 
 l4d_counters ShownScene::counters() const {
   if (members_) return members_->counters();
-  l4d_counters counters;
-  l4d_counters_init(&counters);
+  l4d_counters counters = L4D_INIT(l4d_counters);
   stream_->decoder().check(l4d_decoder_get_counters(stream_->decoder().get(), &counters));
   return counters;
 }

@@ -15,18 +15,19 @@ class ShownScene {
 
   l4d_timeline timeline() const;
   l4d_placement placement() const;
-  void set_detail(uint32_t detail);
-  void set_layers(uint32_t max_level, uint32_t max_tier);
+  l4d_rendering rendering() const;
+  l4d_presentation presentation() const;
 
   uint64_t slice_bytes(double seconds) const;
-  // Adds what was lost to it.
-  SplatArrays slice(double seconds, LossReport* losses);
+  // point: how much of the streams is shown. Adds what was lost to `losses`.
+  SplatArrays slice(double seconds, const l4d_operating_point& point, LossReport* losses);
 
   // Of all decoders so far.
   uint64_t buckets_decoded() const;
   uint64_t cache_hits() const;
 
  private:
+  const DecoderHandle& first() const;
   l4d_counters counters() const;
 
   Context& context_;

@@ -46,7 +46,7 @@ class Contents {
     io::InputFile file(path);
     size_ = file.size();
     if (size_ < kTrailerBytes) return;
-    for (uint64_t left = size_ - kTrailerBytes; left > 0;) left -= read(file, left);
+    file.seek(size_ - kTrailerBytes);
     unsigned char trailer[kTrailerBytes];
     if (file.read(trailer, kTrailerBytes) != kTrailerBytes) fail();
     if (std::memcmp(trailer, kMagic, sizeof(kMagic)) != 0) return;

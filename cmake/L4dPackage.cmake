@@ -30,15 +30,33 @@ install(TARGETS ${l4d_libraries} ${runtime} EXPORT l4dcodec
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
   LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}
   RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
-# Without the renderer, nothing defines what its headers declare.
+# Without the renderer, nothing defines what its headers declare. A decoder alone and without device
+# code is for those who want nothing else.
 set(l4d_left_out)
 if(NOT TARGET l4drender)
-  set(l4d_left_out PATTERN "render.*" EXCLUDE PATTERN "cuda_*" EXCLUDE)
+  set(l4d_left_out PATTERN "render.*" EXCLUDE PATTERN "sensitivity.*" EXCLUDE
+    PATTERN "cuda_render.h" EXCLUDE
+    PATTERN "cuda_player.h" EXCLUDE PATTERN "cuda_train.h" EXCLUDE)
+  if(NOT TARGET l4dencoder AND NOT L4D_HAVE_CUDA)
+    list(APPEND l4d_left_out PATTERN "cuda.h" EXCLUDE PATTERN "cuda_packed.h" EXCLUDE)
+  endif()
 endif()
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/l4d DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
   FILES_MATCHING PATTERN "*.h" PATTERN "*.hpp" ${l4d_left_out})
 if(TARGET l4dcodec_cli)
   install(TARGETS l4dcodec_cli RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  # After a build of the tool alone: these are installed if they are there.
+  get_target_property(optional l4dcodec_cli L4D_PAGES)
+  if(TARGET l4dtrain)
+    list(APPEND optional ${CMAKE_RUNTIME_OUTPUT_DIRECTORY}/l4dtrain)
+  endif()
+  foreach(file IN LISTS optional)
+    if(file)
+      install(CODE "if(NOT EXISTS \"${file}\")
+        message(STATUS \"Left out: ${file} is not built\")
+      endif()")
+    endif()
+  endforeach()
 endif()
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
 # What makes other programs recognise streams.

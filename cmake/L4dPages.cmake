@@ -38,9 +38,9 @@ foreach(page IN ITEMS man bash zsh fish)
   file(MAKE_DIRECTORY ${folder}/${parent})
   list(APPEND files ${folder}/${${page}})
   if(page STREQUAL man)
-    install(FILES ${folder}/${${page}} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
+    install(FILES ${folder}/${${page}} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 OPTIONAL)
   else()
-    install(FILES ${folder}/${${page}} DESTINATION ${CMAKE_INSTALL_DATADIR}/${parent})
+    install(FILES ${folder}/${${page}} DESTINATION ${CMAKE_INSTALL_DATADIR}/${parent} OPTIONAL)
   endif()
 endforeach()
 add_custom_command(OUTPUT ${files}
@@ -48,4 +48,5 @@ add_custom_command(OUTPUT ${files}
   DEPENDS ${program}
   COMMENT "Making the man page and the completions of the tool"
   VERBATIM)
+set_target_properties(l4dcodec_cli PROPERTIES L4D_PAGES "${files}")
 add_custom_target(l4d_pages ALL DEPENDS ${files})

@@ -6,7 +6,8 @@
 
 A branch is an outcome, true or false, of a condition: of if, elif, while, a conditional expression, a filter of a
 comprehension, and of the rule that a call of require() checks. The program runs all queries of the suite and prints
-the branches that none reaches. --all: those too that are known to be out of reach, with the reason.
+the branches that none reaches. --all: those too that are known to be out of reach, with the reason. Queries of a
+vector share a decoder and the pages that it decodes.
 
 Exit status: 0 where all branches are reached or known (unreached.json) and no known one is reached, 1 otherwise.
 """
@@ -27,22 +28,31 @@ sys.dont_write_bytecode = True
 HERE = Path(__file__).resolve().parent
 REFERENCE = HERE / "reference"
 KNOWN = HERE / "unreached.json"
-NAME = "_outcome_of_branch"
+NAME = "_outcomes_of_"                # and the name of the module: a list of Outcomes
 Branch = collections.namedtuple("Branch", "file line column condition outcome")
 
 
+class Outcomes(dict):
+    """Of a condition: whether it failed -> whether it held, for what came out. A lookup costs less than a call."""
+
+    def __missing__(self, failed):
+        self[failed] = not failed
+        return not failed
+
+
 class Recorder(ast.NodeTransformer):
-    """Passes each condition through a function that takes down what came out."""
+    """Looks up each condition in Outcomes, which keep what came out."""
 
     def __init__(self, file, source):
         self.file, self.source, self.branches = file, source, []
 
     def watched(self, test):
         condition = " ".join(ast.get_source_segment(self.source, test).split())
-        key = (self.file, test.lineno, test.col_offset)
-        self.branches += [Branch(*key, condition, outcome) for outcome in (True, False)]
-        call = ast.Call(ast.Name(NAME, ast.Load()), [ast.Constant(key), test], [])
-        return ast.copy_location(call, test)
+        of_file, index = ast.Name(NAME + Path(self.file).stem, ast.Load()), ast.Constant(len(self.branches) // 2)
+        self.branches += [Branch(self.file, test.lineno, test.col_offset, condition, outcome)
+                          for outcome in (True, False)]
+        of_condition = ast.Subscript(of_file, index, ast.Load())
+        return ast.copy_location(ast.Subscript(of_condition, ast.UnaryOp(ast.Not(), test), ast.Load()), test)
 
     def visit_test(self, node):
         self.generic_visit(node)
@@ -73,7 +83,11 @@ def instrumented(path):
 class Loader(importlib.machinery.SourceFileLoader):
     def get_code(self, fullname):
         path = self.get_filename(fullname)
-        return compile(instrumented(path)[0], path, "exec", dont_inherit=True)
+        tree, branches = instrumented(path)
+        outcomes = [Outcomes() for _ in branches[::2]]
+        setattr(builtins, NAME + Path(path).stem, outcomes)
+        begin.watched += zip(branches[::2], outcomes)
+        return compile(tree, path, "exec", dont_inherit=True)
 
 
 def finder(folder):
@@ -84,26 +98,39 @@ def finder(folder):
 
 def begin():
     """Of a process: the modules of the reference decoder are loaded with their conditions watched."""
-    reached = set()
-
-    def outcome(key, value):
-        reached.add((*key, bool(value)))
-        return value
-    setattr(builtins, NAME, outcome)
+    begin.watched, begin.before, begin.decoder = [], 0, None
     sys.path_hooks.insert(0, finder)
     sys.path.insert(0, str(REFERENCE))
-    begin.reached = reached
+    import l4d                          # found by the loader above
+
+    class Decoder(l4d.Decoder):
+        def __init__(self, data):
+            super().__init__(data)
+            self.known = {}
+            begin.decoder = self
+
+        def page_and_attributes(self, selected, base_only=False):
+            key = (selected.index, selected.record["offset"], base_only)
+            if key not in self.known:
+                self.known[key] = super().page_and_attributes(selected, base_only)
+            page, attributes = self.known[key]
+            return page, dict(attributes)
+    l4d.Decoder = lambda data: begin.decoder or Decoder(data)
 
 
 def reached_by(asked):
-    """Runs one vector's queries. Returns what was not reached before in this process."""
-    import l4d                          # found by the loader above
-    before = len(begin.reached)
+    """Runs one vector's queries. Returns what this process has reached, if that is more than before."""
+    import l4d
     path, queries = asked
+    begin.decoder = None
     for arguments in queries:
         with contextlib.redirect_stdout(io.StringIO()):
             l4d.main([*arguments, path])
-    return set(begin.reached) if len(begin.reached) > before else set()
+    now = sum(len(outcomes) for _, outcomes in begin.watched)
+    if now == begin.before:
+        return set()
+    begin.before = now
+    return {(b.file, b.line, b.column, held) for b, outcomes in begin.watched for held in outcomes.values()}
 
 
 def run(vectors, jobs):

@@ -377,18 +377,22 @@ def damaged(results, folder):
 
 def run_all(results, ask, command, folder, args):
     """Runs all queries. Returns False where that was interrupted."""
+    # An exception could come while a lock is held, and leave all threads waiting for it.
+    interrupted = threading.Event()
+    before = signal.signal(signal.SIGINT, lambda *_: interrupted.set())
     shown = time.monotonic()
-    with concurrent.futures.ThreadPoolExecutor(args.j) as pool:
-        pending = {pool.submit(run, r, ask, command, folder, args.timeout) for r in results}
-        try:
-            while pending:
+    try:
+        with concurrent.futures.ThreadPoolExecutor(args.j) as pool:
+            pending = {pool.submit(run, r, ask, command, folder, args.timeout) for r in results}
+            while pending and not interrupted.is_set():
                 _, pending = concurrent.futures.wait(pending, 0.5, concurrent.futures.FIRST_COMPLETED)
                 if pending and time.monotonic() - shown > PROGRESS_SECONDS:
                     shown = time.monotonic()
                     _, failed, _ = count([r for r in results if r.done])
                     print(f"{len(results) - len(pending)} of {len(results)} queries, {failed} failed",
                           file=sys.stderr, flush=True)
-        except KeyboardInterrupt:
+            if not pending:
+                return True
             known = {id(r) for r in results if r.done}
             for future in pending:
                 future.cancel()
@@ -397,7 +401,8 @@ def run_all(results, ask, command, folder, args):
             for r in results:  # those that were ended just now answered nothing
                 r.done = id(r) in known
             return False
-    return True
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def positive_seconds(text):

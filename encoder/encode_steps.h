@@ -32,12 +32,12 @@ class EncodeSteps {
   void end() {
     if (name_ == nullptr) return;
     const double seconds = std::chrono::duration<double>(Clock::now() - started_).count();
-    const auto same = std::find_if(stages_.begin(), stages_.end(),
-                                   [&](const auto& s) { return std::strcmp(s.first, name_) == 0; });
-    if (same == stages_.end()) {
-      stages_.emplace_back(name_, seconds);
+    const auto same = std::find_if(steps_.begin(), steps_.end(),
+                                   [&](const auto& s) { return std::strcmp(s.name, name_) == 0; });
+    if (same == steps_.end()) {
+      steps_.push_back({name_, seconds});
     } else {
-      same->second += seconds;
+      same->seconds += seconds;
     }
     name_ = nullptr;
   }
@@ -50,7 +50,7 @@ class EncodeSteps {
   bool cancelled() { return cancelled(done_); }
   // For other threads: whether the callback has answered so.
   bool was_cancelled() const { return cancelled_; }
-  std::vector<std::pair<const char*, double>> take() { return std::move(stages_); }
+  std::vector<l4d_encode_step> take() { return std::move(steps_); }
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -69,7 +69,7 @@ class EncodeSteps {
   Clock::time_point started_;
   uint64_t done_ = 0;
   std::atomic<bool> cancelled_{false};
-  std::vector<std::pair<const char*, double>> stages_;
+  std::vector<l4d_encode_step> steps_;
 };
 
 }  // namespace l4d

@@ -86,7 +86,7 @@ class Encoder::Run {
         settings_(settings),
         metadata_(encoder.metadata_),
         threads_(static_cast<int>(encoder.options_.threads)),
-        lossless_(settings_.get_bool(L4D_ENC_LOSSLESS)),
+        lossless_(settings_.get_bool(Parameter::kLossless)),
         steps_(encoder.progress_, encoder.progress_user_, kTotalWork) {
     options_.settings = &settings_;
     options_.threads = threads_;
@@ -124,7 +124,7 @@ class Encoder::Run {
   // Only this thread may tell of steps and ask whether to cancel.
   void start_sh() {
     sh_apart_ = options_.device != nullptr && resolve_threads(threads_) > 1 && !lossless_ &&
-                settings_.get_int(L4D_ENC_CODING, L4D_COMPONENT_SH) == 0;
+                settings_.get_int(Parameter::kCoding, L4D_COMPONENT_SH) == 0;
     if (lossless_) {
       coded_.sh.coding = ComponentCodingId::kRaw32;
     } else {
@@ -142,8 +142,8 @@ class Encoder::Run {
 
   // Finest first: what no longer fits moves to the next coarser layer before that is coded.
   void code_layers() {
-    const bool may_be_escape =
-        !lossless_ && settings_.get_int(L4D_ENC_PROFILE) != static_cast<int>(ProfileId::kIndexed);
+    const bool may_be_escape = !lossless_ && settings_.get_int(Parameter::kProfile) !=
+                                                 static_cast<int>(ProfileId::kIndexed);
     std::vector<CodedLayer>& layers = coded_.layers;
     layers.resize(plans_.size());
     for (size_t l = plans_.size(); l-- > 0;) {
@@ -238,8 +238,8 @@ class Encoder::Run {
     report.totals.invalid_dropped = scene_.invalid_dropped;
     report.totals.pruned = scene_.pruned;
     report.totals.raw_bytes = 4 * (17 + scene_.sh_dim()) * input_.gaussians.count;
-    report.stages = steps_.take();
-    report.totals.num_steps = static_cast<uint32_t>(report.stages.size());
+    report.steps = steps_.take();
+    report.totals.num_steps = static_cast<uint32_t>(report.steps.size());
     report.totals.total_seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - started_).count();
     return report;
@@ -282,28 +282,10 @@ Status Encoder::set_scene(const l4d_gaussians& gaussians, const l4d_timeline& ti
   return {};
 }
 
-Status Encoder::set_weights(uint32_t which, const float* weights, uint64_t count) {
-  if (which >= L4D_WEIGHT_COUNT) return invalid_argument("unknown kind of weights");
+Status Encoder::set_importance(const l4d_importance& importance) {
   if (input_.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "set the scene first");
-  if (weights != nullptr && count != input_.gaussians.count) {
-    return invalid_argument(std::to_string(count) + " weights for " +
-                            std::to_string(input_.gaussians.count) + " Gaussians");
-  }
   EncoderInput input = input_;
-  input.weights[which] = weights;
-  L4D_RETURN_IF_ERROR(check_input(input));
-  input_ = input;
-  return {};
-}
-
-Status Encoder::set_min_sizes(const float* sizes, uint64_t count) {
-  if (input_.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "set the scene first");
-  if (sizes != nullptr && count != input_.gaussians.count) {
-    return invalid_argument(std::to_string(count) + " minimum sizes for " +
-                            std::to_string(input_.gaussians.count) + " Gaussians");
-  }
-  EncoderInput input = input_;
-  input.min_sizes = sizes;
+  input.importance = importance;
   L4D_RETURN_IF_ERROR(check_input(input));
   input_ = input;
   return {};

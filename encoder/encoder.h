@@ -17,7 +17,7 @@ namespace l4d {
 
 struct EncodeReport {
   l4d_encode_report totals{};
-  std::vector<std::pair<const char*, double>> stages;  // name, seconds
+  std::vector<l4d_encode_step> steps;
   std::vector<uint32_t> order;
 };
 
@@ -29,8 +29,8 @@ class Encoder {
   const EncoderSettings& settings() const { return settings_; }
   Status set_scene(const l4d_gaussians& gaussians, const l4d_timeline& timeline,
                    const l4d_placement& placement);
-  Status set_weights(uint32_t which, const float* weights, uint64_t count);
-  Status set_min_sizes(const float* sizes, uint64_t count);
+  // All fields 0: none.
+  Status set_importance(const l4d_importance& importance);
   Status set_rendering(const l4d_rendering& rendering);
   Status set_presentation(const l4d_presentation& presentation);
   void add_metadata(std::string key, std::string value) {

@@ -50,7 +50,7 @@ CapturedImages::CapturedImages(const CameraViews& all, const std::vector<size_t>
     io::require_inside(all.set, camera);
     // All images as bytes, and one as it is read.
     memory_.push_back(io::hold(all.set.holder, (3 * of_camera.size() + kReadingBytes) * pixels,
-                               "the images of " + camera_name(camera)));
+                               "a set of images of " + camera_name(camera)));
     const io::ImageLimits limits{camera.camera.width, camera.camera.height, all.set.holder};
     const auto keep = [&](size_t view) {
       observer.check();

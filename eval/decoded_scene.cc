@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "eval/motion.h"
+#include "l4d/experimental/inspect.hpp"
 #include "libl4dcodec/scene/window.h"
 
 namespace l4d::eval {
@@ -66,8 +67,7 @@ void cut_windows(const l4d_timeline& part, DecodedScene* loaded) {
 
 DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query,
                           const io::Hold& holder) {
-  l4d_query all;
-  l4d_query_init(&all);
+  l4d_query all = L4D_INIT(l4d_query);
   all.kind = L4D_QUERY_ALL;
   const l4d_info info = decoder.info();
   const l4d_query& wanted = query != nullptr ? *query : all;
@@ -93,7 +93,7 @@ DecodedScene decode_scene(const DecoderHandle& decoder, const l4d_query* query,
   loaded.mean_t = std::move(times);
   scene.source = "l4d";
   loaded.spans = std::move(arrays.spans);
-  loaded.stated = decoder.coding_errors();
+  loaded.stated = coding_errors(decoder);
   for (uint32_t l = 0; l < info.num_layers; ++l) {
     const l4d_layer_info layer = decoder.layer_info(l);
     loaded.levels.push_back(layer.level);
@@ -131,15 +131,13 @@ void present(double begin, double end, double shift, DecodedScene* loaded) {
   keep_exact_times(loaded->mean_t, exact, scene);
 }
 
-uint64_t slice_bytes(const DecoderHandle& decoder, double seconds) {
-  l4d_query query;
-  l4d_query_init(&query);
+uint64_t slice_bytes(const DecoderHandle& decoder, double seconds, uint32_t sh_degree) {
+  l4d_query query = L4D_INIT(l4d_query);
   query.kind = L4D_QUERY_TIME;
   query.time_begin = seconds;
   // position, covariance, opacity
   constexpr uint64_t kNumbers = 3 + 6 + 1;
-  return decoder.select(query).num_gaussians * (kNumbers + sh_numbers(decoder.info().sh_degree)) *
-         sizeof(float);
+  return decoder.select(query).num_gaussians * (kNumbers + sh_numbers(sh_degree)) * sizeof(float);
 }
 
 }  // namespace l4d::eval

@@ -6,6 +6,7 @@
 
 #include "io/file/memory.h"
 #include "io/scene/scene.h"
+#include "l4d/experimental/inspect.h"
 #include "l4d/l4d.hpp"
 
 namespace l4d::eval {
@@ -33,7 +34,7 @@ void present(double begin, double end, double shift, DecodedScene* loaded);
 // From `begin` to `end` at the frame rate of `like`: whole frames, the last of which may be cut.
 l4d_timeline timeline_between(const l4d_timeline& like, double begin, double end);
 
-// Bytes that the arrays of a slice take at most.
-uint64_t slice_bytes(const DecoderHandle& decoder, double seconds);
+// Bytes that the arrays of a slice take at most, with rows of SH of `sh_degree`.
+uint64_t slice_bytes(const DecoderHandle& decoder, double seconds, uint32_t sh_degree);
 
 }  // namespace l4d::eval

@@ -50,8 +50,7 @@ void for_each_view(const Rendering& rendering, FidelityMeter& meter, const io::S
 }
 
 l4d_gradients gradients_of(const io::Scene& scene) {
-  l4d_gradients gradients;
-  l4d_gradients_init(&gradients);
+  l4d_gradients gradients = L4D_INIT(l4d_gradients);
   gradients.count = scene.count();
   return gradients;
 }

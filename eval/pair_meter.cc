@@ -34,8 +34,8 @@ PairMeter::PairMeter(const io::Scene& a, const DecodedScene& b, const std::vecto
       mean_t_a_(stream_a == nullptr || stream_a->mean_t.empty() ? nullptr : &stream_a->mean_t),
       begin_(a.timeline.time_begin),
       end_(begin_ + io::duration(a.timeline)),
-      min_size_(eval::min_size(a)),
       scale_(b.scene.placement.scale / a.placement.scale),
+      min_size_(b.stated.stated != 0 ? scale_ * b.stated.min_size : eval::min_size(a)),
       b_never_fades_(permanent_of(b)) {
   for (size_t k = 0; k < 3; ++k) {
     offset_[k] = (b.scene.placement.origin[k] - a.placement.origin[k]) / a.placement.scale;
@@ -57,7 +57,7 @@ Motion PairMeter::motion_b(size_t j) const {
   return m;
 }
 
-SeenErrors PairMeter::seen(size_t i, Motion a, size_t j, Motion b, double least) const {
+SeenErrors PairMeter::seen(size_t i, Motion a, size_t j, Motion b) const {
   // What is permanent is always there, whatever its temporal scale.
   const auto keep = [](const std::vector<uint8_t>& never_fades, size_t k, Motion* m) {
     if (!never_fades.empty() && never_fades[k] != 0) {
@@ -68,7 +68,7 @@ SeenErrors PairMeter::seen(size_t i, Motion a, size_t j, Motion b, double least)
   keep(b_never_fades_, j, &b);
   const double own = min_sizes_.empty() ? 0 : static_cast<double>(min_sizes_[i]);
   return seen_errors(a, linear_opacity(a_, i), b, linear_opacity(this->b(), j), begin_, end_,
-                     std::max({min_size_, own, least}));
+                     std::max(min_size_, own));
 }
 
 // A coefficient that one of them lacks is zero there.

@@ -28,12 +28,13 @@ class PairMeter {
   const io::Scene& b() const { return b_.scene; }
   double begin() const { return begin_; }
   double end() const { return end_; }
-  double min_size() const { return min_size_; }  // scene units: smaller sizes count as this
+  // A's units: smaller sizes count as this. What B states of itself, where B is a stream that does,
+  // for its errors are in such sizes; else what follows from A.
+  double min_size() const { return min_size_; }
 
   Motion motion_a(size_t i) const;
   Motion motion_b(size_t j) const;
-  // least: sizes below this count as this, too.
-  SeenErrors seen(size_t i, Motion a, size_t j, Motion b, double least = 0) const;
+  SeenErrors seen(size_t i, Motion a, size_t j, Motion b) const;
   ColorErrors colors(size_t i, size_t j) const;
   // Distances [kSamples] while A's Gaussian is visible; left alone if it never is.
   void visible(const Motion& a, const Motion& b, float* errors) const;
@@ -43,9 +44,10 @@ class PairMeter {
   const DecodedScene& b_;
   const std::vector<float>& min_sizes_;
   const std::vector<double>* mean_t_a_;
-  double begin_, end_, min_size_;
+  double begin_, end_;
+  double scale_;  // of B's units in A's
+  double min_size_;
   std::array<double, 3> offset_{};
-  double scale_ = 1;
   std::vector<uint8_t> a_never_fades_, b_never_fades_;  // of permanent layers; empty: none does
 };
 

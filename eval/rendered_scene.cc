@@ -53,7 +53,7 @@ void RenderedScene::show(const io::Scene& scene) {
 
 void RenderedScene::show_stream() {
   renderer_.set_rendering(nullptr);
-  renderer_.set_decoder(decoder_);
+  renderer_.set_decoder(decoder_, point_);
   const l4d_info info = decoder_.info();
   timeline_ = info.timeline;
   count_ = info.num_gaussians;
@@ -67,7 +67,7 @@ void RenderedScene::show_members(double seconds) {
     shifts.push_back(s.shift);
   }
   is_empty_ = decoders.empty();
-  if (!is_empty_ && decoders != shown_) renderer_.set_decoders(decoders, shifts);
+  if (!is_empty_ && decoders != shown_) renderer_.set_streams(decoders, shifts, point_);
   shown_ = std::move(decoders);
   members_->close_others();
   if (!is_empty_) renderer_.set_time(members_->time());
@@ -85,10 +85,17 @@ io::Scene RenderedScene::instant(double seconds) const {
           io::hold(rendering_.holder, members_->slice_bytes(seconds), "an instant");
       return instant_of(*members_, seconds);
     }
-    const std::shared_ptr<void> memory = io::hold(
-        rendering_.holder, scene_ != nullptr ? 0 : slice_bytes(decoder_, seconds), "an instant");
+    const std::shared_ptr<void> memory =
+        io::hold(rendering_.holder,
+                 scene_ != nullptr ? 0 : slice_bytes(decoder_, seconds, decoder_.info().sh_degree),
+                 "an instant");
     return scene_ != nullptr ? instant_of(*scene_, seconds) : instant_of(decoder_, seconds);
   });
+}
+
+void RenderedScene::set_point(const l4d_operating_point& point) {
+  point_ = point;
+  if (scene_ == nullptr && members_ == nullptr) show_stream();
 }
 
 void RenderedScene::set_background(const float* rgb) {
@@ -118,8 +125,7 @@ void RenderedScene::render(const l4d_camera& camera, io::Image* image) {
 
 l4d_render_stats RenderedScene::stats() const {
   if (!is_empty_) return renderer_.stats();
-  l4d_render_stats nothing;
-  l4d_render_stats_init(&nothing);
+  l4d_render_stats nothing = L4D_INIT(l4d_render_stats);
   return nothing;
 }
 

@@ -24,8 +24,8 @@ struct Rendering {
   std::shared_ptr<void> renderer_memory;  // what the renderer itself is counted as
 
   Rendering() {
-    l4d_decoder_options_init(&decoder);
-    l4d_renderer_options_init(&renderer);
+    decoder = L4D_INIT(l4d_decoder_options);
+    renderer = L4D_INIT(l4d_renderer_options);
   }
 };
 
@@ -60,16 +60,8 @@ class RenderedScene {
   io::Scene instant(double seconds) const;  // as instant_of (eval/views.h)
 
   void set_background(const float* rgb);
-  // L4D_DETAIL_*, of a stream; before the first instant.
-  void set_detail(uint32_t detail) {
-    if (members_ != nullptr) return members_->set_detail(detail);
-    decoder_.set_detail(detail);
-  }
-  // Likewise, which layers are shown: as l4d_decoder_set_layers.
-  void set_layers(uint32_t max_level, uint32_t max_tier) {
-    if (members_ != nullptr) return members_->set_layers(max_level, max_tier);
-    decoder_.set_layers(max_level, max_tier);
-  }
+  // How much of a stream is shown; before the first instant.
+  void set_point(const l4d_operating_point& point);
   // Moves to an instant; nothing happens where the scene is there already.
   void set_time(double seconds);
   // Resizes the image as needed.
@@ -106,6 +98,7 @@ class RenderedScene {
   l4d_timeline timeline_{};
   uint64_t count_ = 0;
   std::optional<double> time_;
+  l4d_operating_point point_{};
   float background_[3] = {};
   bool is_empty_ = false;  // every member that the instant shows is left out
 };

@@ -12,26 +12,8 @@
 namespace l4d::eval {
 namespace {
 
-// Adds the Gaussians of a slice; SH that one of them lacks is zero.
-void append(const SplatArrays& from, SplatArrays* to) {
-  const auto add = [](const std::vector<float>& a, std::vector<float>* b) {
-    b->insert(b->end(), a.begin(), a.end());
-  };
-  add(from.position, &to->position);
-  add(from.covariance, &to->covariance);
-  add(from.opacity, &to->opacity);
-  const auto width = [](uint32_t degree) { return size_t{3} * (degree + 1) * (degree + 1); };
-  const size_t known = width(from.sh_degree), wanted = width(to->sh_degree);
-  for (size_t i = 0; i < from.count(); ++i) {
-    const auto row = from.sh.begin() + static_cast<std::ptrdiff_t>(i * known);
-    to->sh.insert(to->sh.end(), row, row + static_cast<std::ptrdiff_t>(known));
-    to->sh.insert(to->sh.end(), wanted - known, 0.0F);
-  }
-}
-
 void add_counters(const DecoderHandle& decoder, l4d_counters* sums) {
-  l4d_counters c;
-  l4d_counters_init(&c);
+  l4d_counters c = L4D_INIT(l4d_counters);
   decoder.check(l4d_decoder_get_counters(decoder.get(), &c));
   sums->buckets_decoded += c.buckets_decoded;
   sums->cache_hits += c.cache_hits;
@@ -61,8 +43,7 @@ void ShownMembers::check(l4d_status status) const {
 }
 
 l4d_member ShownMembers::member(uint64_t index) const {
-  l4d_member m;
-  l4d_member_init(&m);
+  l4d_member m = L4D_INIT(l4d_member);
   check(l4d_members_get(list_.get(), index, &m));
   return m;
 }
@@ -70,13 +51,11 @@ l4d_member ShownMembers::member(uint64_t index) const {
 ShownMembers::ShownMembers(const l4d_reader& reader, const l4d_decoder_options& options)
     : options_(options) {
   l4d_members* list = nullptr;
-  l4d_members_options list_options;
-  l4d_members_options_init(&list_options);
+  l4d_members_options list_options = L4D_INIT(l4d_members_options);
   list_options.max_memory_bytes = options.max_memory_bytes;
   check(l4d_members_open(&reader, &list_options, &list));
   list_.reset(list);
-  l4d_members_info info;
-  l4d_members_info_init(&info);
+  l4d_members_info info = L4D_INIT(l4d_members_info);
   check(l4d_members_get_info(list, &info));
   uint32_t most = 0;
   double begin = 0, end = 0;
@@ -103,13 +82,10 @@ DecoderHandle& ShownMembers::open(uint32_t index) {
   if (known != open_.end()) return known->second;
   DecoderHandle decoder(&options_);
   of_member(index, [&] {
-    l4d_reader reader;
-    l4d_reader_init(&reader);
+    l4d_reader reader = L4D_INIT(l4d_reader);
     check(l4d_members_get_reader(list_.get(), index, &reader));
     decoder.open(reader);
   });
-  decoder.set_detail(detail_);
-  decoder.set_layers(max_level_, max_tier_);
   return open_.emplace(index, std::move(decoder)).first->second;
 }
 
@@ -130,22 +106,10 @@ void ShownMembers::choose_first(uint64_t count) {
   throw Error(*why);
 }
 
-void ShownMembers::set_detail(uint32_t detail) {
-  detail_ = detail;
-  for (const auto& [index, decoder] : open_) decoder.set_detail(detail);
-}
-
-void ShownMembers::set_layers(uint32_t max_level, uint32_t max_tier) {
-  max_level_ = max_level;
-  max_tier_ = max_tier;
-  for (const auto& [index, decoder] : open_) decoder.set_layers(max_level, max_tier);
-}
-
 const DecoderHandle& ShownMembers::first() { return open(first_); }
 
 uint64_t ShownMembers::num_gaussians() {
-  l4d_members_info info;
-  l4d_members_info_init(&info);
+  l4d_members_info info = L4D_INIT(l4d_members_info);
   check(l4d_members_get_info(list_.get(), &info));
   uint64_t count = 0;
   for (uint64_t i = 0; i < info.count; ++i) {
@@ -205,26 +169,35 @@ l4d_counters ShownMembers::counters() const {
   return sums;
 }
 
-SplatArrays ShownMembers::slice(double seconds) {
+SplatArrays ShownMembers::slice(double seconds, const l4d_operating_point& point) {
   show(seconds);
-  std::vector<SplatArrays> parts;
+  std::vector<l4d_shown_stream> streams;
+  uint32_t degree = 0;
   for (const Shown& s : shown_) {
-    of_member(s.index, [&] { parts.push_back(s.decoder->slice(s.time)); });
+    streams.push_back({s.decoder->get(), s.time});
+    degree = std::max(degree, s.decoder->info().sh_degree);
   }
-  if (parts.size() == 1) return std::move(parts.front());
-  SplatArrays all;
-  for (const SplatArrays& part : parts) all.sh_degree = std::max(all.sh_degree, part.sh_degree);
-  for (const SplatArrays& part : parts) append(part, &all);
-  return all;
+  if (streams.empty()) return {};
+  SliceOptions options;
+  options.point = point;
+  return splats_of(degree, options, [&](l4d_splat_buffers* b) {
+    const l4d_status status = l4d_slice_streams(streams.data(), streams.size(), b);
+    if (status == L4D_OK) return;
+    const Error reason(status, l4d_last_error_message());
+    // Which of them it was: its own slice fails, too.
+    for (const Shown& s : shown_) of_member(s.index, [&] { s.decoder->slice(s.time, options); });
+    throw reason;
+  });
 }
 
 uint64_t ShownMembers::slice_bytes(double seconds) {
   uint64_t bytes = 0;
-  for (const Shown& s : show(seconds)) {
-    of_member(s.index, [&] { bytes += eval::slice_bytes(*s.decoder, s.time); });
+  uint32_t degree = 0;
+  for (const Shown& s : show(seconds)) degree = std::max(degree, s.decoder->info().sh_degree);
+  for (const Shown& s : shown_) {
+    of_member(s.index, [&] { bytes += eval::slice_bytes(*s.decoder, s.time, degree); });
   }
-  // Of several, those of each and all together.
-  return shown_.size() > 1 ? 2 * bytes : bytes;
+  return bytes;
 }
 
 }  // namespace l4d::eval

@@ -30,10 +30,6 @@ class ShownMembers {
   // The first media member whose headers are whole.
   const DecoderHandle& first();
 
-  // As of decoders.
-  void set_detail(uint32_t detail);
-  void set_layers(uint32_t max_level, uint32_t max_tier);
-
   struct Shown {
     DecoderHandle* decoder;
     uint32_t index;
@@ -54,7 +50,7 @@ class ShownMembers {
   // Of all decoders so far, those that are closed included.
   l4d_counters counters() const;
 
-  SplatArrays slice(double seconds);
+  SplatArrays slice(double seconds, const l4d_operating_point& point = {});
   uint64_t slice_bytes(double seconds);
 
  private:
@@ -70,9 +66,7 @@ class ShownMembers {
   std::unique_ptr<l4d_members, Destroy> list_;
   l4d_decoder_options options_;
   l4d_timeline timeline_{};
-  uint32_t first_ = 0;  // index of the first media member
-  uint32_t detail_ = L4D_DETAIL_FULL;
-  uint32_t max_level_ = UINT32_MAX, max_tier_ = UINT32_MAX;
+  uint32_t first_ = 0;                      // index of the first media member
   std::map<uint32_t, DecoderHandle> open_;  // by index
   l4d_counters closed_{};                   // sums
   double time_ = 0;

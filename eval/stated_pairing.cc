@@ -7,6 +7,7 @@
 
 #include "eval/nearest.h"
 #include "eval/parallel.h"
+#include "l4d/experimental/inspect.h"
 #include "libl4dcodec/scene/slice.h"
 
 namespace l4d::eval {
@@ -29,10 +30,7 @@ constexpr double kColour = 0.05;
 class Candidates {
  public:
   Candidates(const PairMeter& meter, const l4d_coding_errors& stated, uint32_t threads)
-      : meter_(meter),
-        stated_(stated),
-        min_size_(std::max(meter.min_size(), stated.min_size)),
-        features_(meter.a().count()) {
+      : meter_(meter), stated_(stated), min_size_(meter.min_size()), features_(meter.a().count()) {
     std::vector<int> octaves(features_.size());
     for_each_block(features_.size(), threads, [&](size_t, size_t first, size_t last) {
       for (size_t i = first; i < last; ++i) {
@@ -112,7 +110,7 @@ class Candidates {
     for (const float d : distances) {
       if (!(static_cast<double>(d) <= stated_.visible * kRounding)) return false;
     }
-    const SeenErrors seen = meter_.seen(i, a, j, b, stated_.min_size);
+    const SeenErrors seen = meter_.seen(i, a, j, b);
     return seen.position <= stated_.position * kRounding &&
            seen.covariance <= stated_.covariance * kRounding &&
            seen.opacity <= stated_.opacity * kRounding;

@@ -6,6 +6,7 @@
 #include "eval/observer.h"
 #include "eval/pair_meter.h"
 #include "eval/pairing.h"
+#include "l4d/experimental/inspect.h"
 
 namespace l4d::eval {
 

@@ -50,7 +50,7 @@ Goal goal_of(const Target& target) {
 // of a quality that is raised for all.
 struct EncoderBound {
   const char* attribute;
-  l4d_encoder_parameter parameter;
+  const char* parameter;
   double added;  // factors count from 1, errors from 0
 };
 constexpr EncoderBound kBounds[] = {{"visible_position", L4D_ENC_MAX_VISIBLE_ERROR, 0},
@@ -71,10 +71,13 @@ const EncoderBound* bound_of(const Target& target) {
 }
 
 QualityRange range_of(const EncoderHandle& encoder) {
-  l4d_parameter_info info;
-  l4d_parameter_info_init(&info);
-  encoder.check(l4d_encoder_parameter_info(L4D_ENC_QUALITY, &info));
-  return {info.min, info.max, get_parameter(encoder, L4D_ENC_QUALITY)};
+  QualityRange range = {0, 0, get_parameter(encoder, L4D_ENC_QUALITY)};
+  for (const l4d_parameter_info& info : list_parameters()) {
+    if (info.name != std::string(L4D_ENC_QUALITY)) continue;
+    range.lowest = info.min;
+    range.highest = info.max;
+  }
+  return range;
 }
 
 }  // namespace
@@ -103,8 +106,9 @@ TargetResult encode_to_target(const Target& target, const EncoderHandle& encoder
   double kept_seconds = 0;
   const auto measure = [&](double quality, size_t trial) {
     Observer& observer = calls.begin(trial, quality);
-    encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_QUALITY, L4D_ALL_COMPONENTS, quality));
-    last = encode_scene(observer, encoder, "", true);
+    encoder.set(L4D_ENC_QUALITY, quality);
+    last = {};
+    last = encode_scene(observer, encoder, "", true, calls.holder);
     return calls.measure(last, observer);
   };
   const auto keep = [&] {
@@ -121,8 +125,7 @@ TargetResult encode_to_target(const Target& target, const EncoderHandle& encoder
     const double requested = target.requested + bound->added;
     const double before = get_parameter(encoder, bound->parameter);
     if (!(before > 0 && before <= requested)) {
-      encoder.check(
-          l4d_encoder_set(encoder.get(), bound->parameter, L4D_ALL_COMPONENTS, requested));
+      encoder.set(bound->parameter, requested);
     }
     const double figure = measure(range.start, 0);
     if (figure <= target.requested) {

@@ -34,6 +34,7 @@ struct TargetCalls {
   // The figure of the trial's encoding: measure_target, or a FidelityMeter's. The observer is that
   // of the trial.
   std::function<double(const Encoding& encoding, Observer& observer)> measure;
+  io::Hold holder;  // counts the streams that are kept, at most two
 };
 
 struct TargetResult {

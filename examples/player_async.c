@@ -1,200 +1,159 @@
 /* SPDX-License-Identifier: Apache-2.0
- * A player over l4d/stream.h and l4d/rate.h, for a link that a virtual clock simulates: it plays
- * the first seconds of a file, then seeks. It never waits in a callback and needs no thread. It
- * prints what the stream costs: rounds (requests that had to wait for the answer of others),
- * requests, bytes and seconds. Decoding takes no time on its clock, so all figures depend on the
- * file alone.
+ * A player over l4d/playback.h, for a link that a virtual clock simulates: it shows the first
+ * picture of a file, plays some seconds, then seeks. It needs no thread and never waits in a
+ * callback. It prints what the stream costs: rounds (requests that are made when no other is under
+ * way), requests, bytes and seconds. Decoding takes no time on its clock, so all figures depend on
+ * the file alone.
  *
  *   player_async FILE [MBIT_PER_SECOND [ROUND_TRIP_SECONDS [PLAY_SECONDS [SEEKS]]]]
  *   cc player_async.c $(pkg-config --cflags --libs l4dcodec)
+ *
+ * A player over sockets has the same parts: `start` sends a request, `deliver` is what a socket
+ * does when bytes arrive, and `wait` sleeps until state.wake_at or until a socket can be read.
  */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "l4d/rate.h"
+#include "l4d/playback.h"
 
-enum { MAX_REQUESTS = 8, MAX_RANGES = 64, MAX_RUNGS = 16 };
+enum { MAX_REQUESTS = 8, PIECE_BYTES = 1 << 10, NUM_ITEMS = 64 };
 static const double kFrameSeconds = 1.0 / 30;
-static const double kAheadSeconds = 6; /* what the player wants to have of the future */
-static const double kStartSeconds = 0.5;
-static const int kFramesPerChoice = 6; /* how often it asks for another rung */
 
-/* A range of the file that is under way, and when its first and its last byte are here. */
+/* An answer that is under way. The link sends answers one after the other. */
 typedef struct request {
-  uint64_t begin, end;
-  double sent, first_byte, last_byte;
-  uint32_t rung, kind; /* what asked for it */
+  uint32_t id;
+  uint64_t at, end;    /* bytes of the file that are still to come */
+  double head_arrives; /* a round trip after the request */
+  int has_head;
 } request;
 
 typedef struct player {
-  l4d_decoder* decoder;
+  l4d_playback* playback;
   FILE* file;
   uint64_t file_bytes;
   double bytes_per_second, round_trip; /* of the link */
   double clock;                        /* seconds */
-  double link_free;                    /* when the link has sent all that was requested */
-  request requests[MAX_REQUESTS];      /* in the order in which they arrive */
+  double link_free;                    /* when the link has sent the last piece */
+  request requests[MAX_REQUESTS];
   size_t num_requests;
-  uint64_t rounds, total_requests, total_bytes; /* counted since the last report */
-  l4d_rate* rate;
-  l4d_rung rungs[MAX_RUNGS];
-  uint32_t num_rungs, switches;
-  l4d_rate_choice choice; /* the rungs that are shown and fetched */
+  uint64_t rounds, total_requests, total_bytes; /* since the last report */
+  uint64_t switches;                            /* of the rung */
+  uint32_t shown;                               /* id of the last seek that is shown */
+  l4d_playback_state state;
   l4d_status failure;
 } player;
 
-static void request_range(player* p, uint64_t begin, uint64_t end, uint32_t rung, uint32_t kind) {
-  request* r = &p->requests[p->num_requests++];
-  /* The answer starts a round trip later, or when the link has sent the answers before it. */
-  r->begin = begin;
-  r->end = end;
-  r->sent = p->clock;
-  r->first_byte = p->clock + p->round_trip;
-  if (r->first_byte < p->link_free) r->first_byte = p->link_free;
-  r->last_byte = r->first_byte + (double)(end - begin) / p->bytes_per_second;
-  r->rung = rung;
-  r->kind = kind;
-  p->link_free = r->last_byte;
+static void check(player* p, l4d_status status) {
+  if (p->failure == L4D_OK) p->failure = status;
+}
+
+/* ---- the link -------------------------------------------------------------------------------- */
+
+static void start(player* p, const l4d_playback_item* item) {
+  request* r = &p->requests[p->num_requests];
+  if (p->num_requests == MAX_REQUESTS) return; /* max_requests is less */
+  r->id = item->id;
+  r->at = item->offset;
+  r->end = item->size == 0 ? p->file_bytes : item->offset + item->size;
+  r->head_arrives = p->clock + p->round_trip;
+  r->has_head = 0;
+  if (p->num_requests == 0) ++p->rounds;
+  ++p->num_requests;
   ++p->total_requests;
 }
 
-/* Cancels requests of higher rungs than `rung`, and those of `kind`. */
-static void cancel(player* p, uint32_t rung, uint32_t kind) {
+static void drop(player* p, uint32_t id) {
   size_t i, kept = 0;
   for (i = 0; i < p->num_requests; ++i) {
-    if (p->requests[i].rung <= rung && p->requests[i].kind != kind) {
-      p->requests[kept++] = p->requests[i];
-    }
-  }
-  if (kept < p->num_requests) {
-    p->link_free = kept > 0 ? p->requests[kept - 1].last_byte : p->clock;
+    if (p->requests[i].id != id) p->requests[kept++] = p->requests[i];
   }
   p->num_requests = kept;
 }
 
-/* Requests what slices of a rung from `time` on lack and what is not under way, most urgent first.
- * Returns how many ranges lack. */
-static uint64_t request_rung(player* p, uint32_t rung, double time, double ahead) {
-  l4d_planned_range ranges[MAX_RANGES];
-  uint64_t count = 0, i;
-  l4d_plan_query query;
-  l4d_plan_query_init(&query);
-  query.time = time;
-  query.ahead = ahead;
-  query.max_tier = p->rungs[rung].max_tier;
-  query.max_level = p->rungs[rung].max_level;
-  query.detail = p->rungs[rung].detail;
-  query.merge_gap = p->choice.merge_gap;
-  query.max_range_bytes = p->choice.max_range_bytes;
-  if (p->failure == L4D_OK) {
-    p->failure = l4d_decoder_plan(p->decoder, &query, ranges, MAX_RANGES, &count);
+static uint64_t piece_of(const request* r) {
+  const uint64_t left = r->end - r->at;
+  return left < PIECE_BYTES ? left : PIECE_BYTES;
+}
+
+/* When the next head or piece of an answer is here. */
+static double next_arrival(const player* p) {
+  const request* r = &p->requests[0];
+  double begins;
+  if (p->num_requests == 0) return HUGE_VAL;
+  begins = r->head_arrives > p->link_free ? r->head_arrives : p->link_free;
+  return r->has_head ? begins + (double)piece_of(r) / p->bytes_per_second : begins;
+}
+
+static void deliver(player* p) {
+  request* r = &p->requests[0];
+  static unsigned char bytes[PIECE_BYTES];
+  const size_t n = (size_t)piece_of(r);
+  const uint32_t id = r->id;
+  if (!r->has_head) {
+    l4d_answer answer = L4D_INIT(l4d_answer);
+    answer.status = 206;
+    answer.offset = r->at;
+    answer.total_bytes = p->file_bytes;
+    r->has_head = 1;
+    check(p, l4d_playback_answered(p->playback, p->clock, id, &answer));
+    return;
   }
-  if (p->failure != L4D_OK) return 0;
-  for (i = 0; i < count && i < MAX_RANGES && p->num_requests < MAX_REQUESTS; ++i) {
-    uint64_t begin = ranges[i].offset, end = begin + ranges[i].size;
-    size_t k;
-    for (k = 0; k < p->num_requests; ++k) {
-      const request* r = &p->requests[k];
-      if (r->begin <= begin && begin < r->end) begin = r->end;
-      if (r->begin < end && end <= r->end) end = r->begin;
+  p->link_free = p->clock;
+  if (fseek(p->file, (long)r->at, SEEK_SET) != 0 || fread(bytes, 1, n, p->file) != n) {
+    check(p, L4D_ERR_IO);
+  }
+  r->at += n;
+  p->total_bytes += n;
+  check(p, l4d_playback_received(p->playback, p->clock, id, bytes, n));
+  if (r->at < r->end) return;
+  drop(p, id);
+  check(p, l4d_playback_finished(p->playback, p->clock, id, L4D_TRANSFER_ENDED));
+}
+
+/* ---- the player ------------------------------------------------------------------------------ */
+
+static void take_items(player* p) {
+  l4d_playback_item items[NUM_ITEMS];
+  uint32_t count = NUM_ITEMS, i;
+  while (count == NUM_ITEMS && p->failure == L4D_OK) {
+    check(p, l4d_playback_take(p->playback, items, NUM_ITEMS, &count));
+    for (i = 0; i < count && p->failure == L4D_OK; ++i) {
+      if (items[i].kind == L4D_ITEM_REQUEST) start(p, &items[i]);
+      if (items[i].kind == L4D_ITEM_CANCEL) drop(p, items[i].id);
+      if (items[i].kind != L4D_ITEM_EVENT) continue;
+      if (items[i].event == L4D_EVENT_SHOWN) p->shown = items[i].id;
+      if (items[i].event == L4D_EVENT_RUNG) ++p->switches;
     }
-    if (begin < end) request_range(p, begin, end, rung, ranges[i].kind);
   }
-  return count;
 }
 
-static void request_missing(player* p, double time, double ahead) {
-  const int waited = p->num_requests == 0;
-  if (request_rung(p, p->choice.rung, time, ahead) == 0 && p->choice.fill_rung > p->choice.rung) {
-    request_rung(p, p->choice.fill_rung, time, ahead);
-  }
-  if (waited && p->num_requests > 0) ++p->rounds;
+/* Lets the engine decide. Returns whether the player goes on: not if the stream has failed. */
+static int update(player* p) {
+  check(p, l4d_playback_update(p->playback, p->clock));
+  take_items(p);
+  check(p, l4d_playback_get_state(p->playback, &p->state));
+  return p->failure == L4D_OK && p->state.stream != L4D_STREAM_FAILED;
 }
 
-/* Asks the controller which rung to show and to fetch. */
-static void choose_rung(player* p, double time) {
-  l4d_rung_state states[MAX_RUNGS];
-  const uint32_t before = p->choice.rung;
-  uint32_t r;
-  for (r = 0; r < p->num_rungs && p->failure == L4D_OK; ++r) {
-    p->failure =
-        l4d_decoder_get_rung_state(p->decoder, time, kAheadSeconds, &p->rungs[r], &states[r]);
-  }
-  if (p->failure != L4D_OK) return;
-  p->failure = l4d_rate_choose(p->rate, states, p->num_rungs, &p->choice);
-  if (p->choice.cancel == L4D_RATE_CANCEL_DETAIL) cancel(p, MAX_RUNGS, L4D_RANGE_DETAIL);
-  if (p->choice.cancel == L4D_RATE_CANCEL_ALL_BUT_BASE) cancel(p, 0, L4D_RANGE_DETAIL);
-  p->switches += p->choice.rung != before;
+/* Lets time pass until something happens, but not beyond `until`. */
+static void wait(player* p, double until) {
+  double next = next_arrival(p);
+  if (next > p->state.wake_at) next = p->state.wake_at;
+  if (next > until) next = until;
+  if (next == HUGE_VAL) check(p, L4D_ERR_INTERNAL); /* nothing can happen any more */
+  if (next > p->clock && next < HUGE_VAL) p->clock = next;
+  if (next_arrival(p) <= p->clock) deliver(p);
 }
 
-/* Lets time pass until the next answer is here, but not beyond `until`. Returns whether it is. */
-static int wait_for_answer(player* p, double until) {
-  const request r = p->requests[0];
-  size_t i;
-  void* data;
-  if (p->num_requests == 0 || r.last_byte > until) {
-    if (until > p->clock) p->clock = until;
-    return 0;
-  }
-  if (r.last_byte > p->clock) p->clock = r.last_byte;
-  p->total_bytes += r.end - r.begin;
-  for (i = 1; i < p->num_requests; ++i) p->requests[i - 1] = p->requests[i];
-  --p->num_requests;
-  data = malloc((size_t)(r.end - r.begin));
-  if (data == NULL || fseek(p->file, (long)r.begin, SEEK_SET) != 0 ||
-      fread(data, 1, (size_t)(r.end - r.begin), p->file) != r.end - r.begin) {
-    p->failure = L4D_ERR_IO;
-  } else if (p->failure == L4D_OK) {
-    p->failure = l4d_decoder_supply(p->decoder, r.begin, data, (size_t)(r.end - r.begin));
-  }
-  free(data);
-  if (p->failure == L4D_OK && p->rate != NULL) {
-    p->failure = l4d_rate_add_transfer(p->rate, r.sent, r.first_byte, r.last_byte, r.end - r.begin);
-  }
-  return 1;
-}
-
-/* Whether the picture of `time` can be shown as a rung has it. A real player passes arrays. */
-static int show(player* p, double time, uint32_t rung) {
-  l4d_splat_buffers splats;
-  l4d_status status;
-  if (p->failure != L4D_OK) return 1; /* ends all waiting */
-  l4d_splat_buffers_init(&splats);
-  l4d_decoder_set_layers(p->decoder, p->rungs[rung].max_level, p->rungs[rung].max_tier);
-  l4d_decoder_set_detail(p->decoder, p->rungs[rung].detail);
-  status = l4d_decoder_slice(p->decoder, time, &splats);
-  if (status != L4D_OK && status != L4D_ERR_NEED_DATA) p->failure = status;
-  return status != L4D_ERR_NEED_DATA;
-}
-
-/* Waits for the picture of `time` as a rung has it. Returns the seconds that it takes. */
-static double wait_for_picture(player* p, double time, uint32_t rung) {
-  const double start = p->clock;
-  p->choice.rung = p->choice.fill_rung = rung;
-  while (!show(p, time, rung)) {
-    request_missing(p, time, 0);
-    if (p->num_requests == 0 && p->failure == L4D_OK) p->failure = L4D_ERR_INTERNAL;
-    wait_for_answer(p, 1e300);
-  }
-  return p->clock - start;
-}
-
-/* Waits until the lowest rung is here from `time` on for long enough to start. */
-static double wait_for_buffer(player* p, double time) {
-  const double start = p->clock;
-  l4d_rung_state state = {0, 0};
-  p->choice.rung = p->choice.fill_rung = 0;
-  cancel(p, 0, L4D_RANGE_DETAIL);
-  while (p->failure == L4D_OK && state.buffered < kStartSeconds) {
-    request_missing(p, time, kStartSeconds);
-    wait_for_answer(p, 1e300);
-    if (p->failure == L4D_OK) {
-      p->failure =
-          l4d_decoder_get_rung_state(p->decoder, time, kStartSeconds, &p->rungs[0], &state);
-    }
-    if (state.missing_bytes == 0) break;
-  }
-  return p->clock - start;
+/* The picture of a frame. A real player passes arrays, and draws. */
+static void show(player* p) {
+  const l4d_playback_state* s = &p->state;
+  double time = s->anchor_time + (p->clock - s->anchor_now) * s->velocity;
+  l4d_splat_buffers splats = L4D_INIT(l4d_splat_buffers);
+  if (time < s->ready_from) time = s->ready_from;
+  if (time > s->ready_until) time = s->ready_until;
+  if (s->ready) check(p, l4d_playback_slice(p->playback, time, &splats));
 }
 
 static void report(player* p, const char* what, double per, double seconds) {
@@ -203,80 +162,68 @@ static void report(player* p, const char* what, double per, double seconds) {
   p->rounds = p->total_requests = p->total_bytes = 0;
 }
 
-/* Plays from `begin` on. If a picture is not there when its time comes, the media clock stops. */
-static void play(player* p, double begin, double seconds) {
-  const double start = p->clock;
-  double due, stalled = 0, time = begin;
-  int stalls = 0, frame;
+static void play(player* p, double seconds) {
+  const double start = p->clock, from = p->state.anchor_time, waited = p->state.waited_seconds;
+  const uint64_t waits = p->state.waits;
+  double due;
   p->switches = 0;
-  wait_for_buffer(p, time);
-  due = p->clock;
-  for (frame = 0; time < begin + seconds && p->failure == L4D_OK; ++frame) {
-    if (frame % kFramesPerChoice == 0) choose_rung(p, time);
-    do request_missing(p, time, kAheadSeconds);
-    while (wait_for_answer(p, due));
-    if (!show(p, time, p->choice.rung) && !show(p, time, 0)) {
-      ++stalls;
-      stalled += wait_for_buffer(p, time);
-      due = p->clock;
-    }
+  check(p, l4d_playback_play(p->playback, p->clock));
+  for (due = p->clock; update(p) && p->state.motion != L4D_MOTION_ENDED; wait(p, due)) {
+    if (p->state.anchor_time >= from + seconds) break;
+    if (p->clock < due) continue;
+    show(p);
     due += kFrameSeconds;
-    time += kFrameSeconds;
   }
+  check(p, l4d_playback_pause(p->playback, p->clock));
   report(p, "a second of playback", seconds, p->clock - start);
-  printf("%-24s %6d stalls %34.2f s\n", "", stalls, stalled);
+  printf("%-24s %6lu stalls %34.2f s\n", "", (unsigned long)(p->state.waits - waits),
+         p->state.waited_seconds - waited);
   printf("%-24s %6lu, at the end rung %lu of %lu\n", "changes of the rung",
-         (unsigned long)p->switches, (unsigned long)p->choice.rung + 1,
-         (unsigned long)p->num_rungs);
+         (unsigned long)p->switches, (unsigned long)p->state.rung + 1,
+         (unsigned long)p->state.num_rungs);
 }
 
 static void seek_around(player* p, double begin, double duration, int seeks) {
-  double seconds = 0;
+  const double start = p->clock;
+  l4d_quality quality = L4D_INIT(l4d_quality);
   int i;
-  for (i = 0; i < seeks; ++i) {
+  quality.network = L4D_NETWORK_INSTANT; /* what a seek costs, without what it fetches ahead */
+  check(p, l4d_playback_set_quality(p->playback, p->clock, &quality));
+  for (i = 0; i < seeks && p->failure == L4D_OK; ++i) {
     const double time = begin + duration * (((7 * i) % seeks) + 0.5) / seeks;
-    p->num_requests = 0; /* what is under way is cancelled */
-    p->link_free = p->clock;
-    seconds += wait_for_picture(p, time, 0);
+    const uint32_t id = (uint32_t)i + 1;
+    check(p, l4d_playback_seek(p->playback, p->clock, time, 0, id));
+    for (; update(p) && p->shown != id; wait(p, HUGE_VAL)) {
+    }
+    show(p);
   }
-  if (seeks > 0) report(p, "a seek", seeks, seconds);
-}
-
-/* Waits for the headers, which say what rungs there are. */
-static void open_stream(player* p, l4d_info* info) {
-  p->num_rungs = 1;
-  p->rungs[0].max_tier = p->rungs[0].max_level = UINT32_MAX;
-  l4d_rate_choice_init(&p->choice);
-  p->choice.merge_gap = 16 << 10;
-  p->failure = l4d_decoder_open_supplied(p->decoder, p->file_bytes);
-  while (p->failure == L4D_OK) {
-    p->failure = l4d_decoder_get_info(p->decoder, info);
-    if (p->failure != L4D_ERR_NEED_DATA) break;
-    p->failure = L4D_OK;
-    request_missing(p, 0, 0); /* the headers, whatever the time */
-    wait_for_answer(p, 1e300);
-  }
-  if (p->failure == L4D_OK) {
-    p->failure = l4d_decoder_get_rungs(p->decoder, p->rungs, MAX_RUNGS, &p->num_rungs);
-  }
-  if (p->num_rungs > MAX_RUNGS) p->num_rungs = MAX_RUNGS; /* the encoder makes 9 at most */
-  if (p->failure == L4D_OK) p->failure = l4d_rate_create(NULL, p->num_rungs, &p->rate);
+  if (seeks > 0) report(p, "a seek", seeks, p->clock - start);
 }
 
 static void run(player* p, double play_seconds, int seeks) {
-  l4d_info info;
-  l4d_info_init(&info);
-  open_stream(p, &info);
-  wait_for_picture(p, info.timeline.time_begin, 0);
+  check(p, l4d_playback_open(p->playback, p->clock, "the file", L4D_OPEN_STREAM, p->file_bytes));
+  for (; update(p) && !p->state.ready; wait(p, HUGE_VAL)) {
+  }
+  if (!p->state.ready) return;
+  show(p);
   report(p, "first picture, rung 1", 1, p->clock);
-  if (play_seconds > info.duration) play_seconds = info.duration;
-  if (play_seconds > 0) play(p, info.timeline.time_begin, play_seconds);
-  seek_around(p, info.timeline.time_begin, info.duration, seeks);
+  if (play_seconds > p->state.end - p->state.begin) play_seconds = p->state.end - p->state.begin;
+  if (play_seconds > 0) play(p, play_seconds);
+  seek_around(p, p->state.begin, p->state.end - p->state.begin, seeks);
+}
+
+static const char* name_of(uint32_t cause) {
+  static const char* const kNames[] = {"",        "timeout",   "network", "forbidden", "not found",
+                                       "changed", "garbled",   "damaged", "truncated", "corrupt",
+                                       "not l4d", "a version", "a tool",  "a limit"};
+  return cause < sizeof kNames / sizeof *kNames ? kNames[cause] : "unknown";
 }
 
 int main(int argc, char** argv) {
-  player p = {0};
+  static player p;
   long size = -1;
+  int failed;
+  p.state.struct_size = sizeof p.state;
   p.bytes_per_second = (argc > 2 ? atof(argv[2]) : 25) * 1e6 / 8;
   p.round_trip = argc > 3 ? atof(argv[3]) : 0.05;
   if (argc > 1) p.file = fopen(argv[1], "rb");
@@ -288,13 +235,15 @@ int main(int argc, char** argv) {
     return 2;
   }
   p.file_bytes = (uint64_t)size;
-  p.failure = l4d_decoder_create(NULL, &p.decoder);
+  check(&p, l4d_playback_create(NULL, &p.playback));
   if (p.failure == L4D_OK) run(&p, argc > 4 ? atof(argv[4]) : 20, argc > 5 ? atoi(argv[5]) : 20);
+  failed = p.failure != L4D_OK || p.state.stream == L4D_STREAM_FAILED;
   if (p.failure != L4D_OK) {
     fprintf(stderr, "player_async: %s %s\n", l4d_status_name(p.failure), l4d_last_error_message());
+  } else if (failed) {
+    fprintf(stderr, "player_async: the stream cannot be played: %s\n", name_of(p.state.cause));
   }
-  l4d_rate_destroy(p.rate);
-  l4d_decoder_destroy(p.decoder);
+  l4d_playback_destroy(p.playback);
   fclose(p.file);
-  return p.failure == L4D_OK ? 0 : 1;
+  return failed;
 }

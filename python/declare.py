@@ -16,7 +16,8 @@ import cffi
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 # In this order: each includes those before it.
-HEADERS = ["l4d/l4d.h", "l4d/decode.h", "l4d/members.h", "l4d/encode.h", "l4d/render.h", "python/scenes.h"]
+HEADERS = ["l4d/l4d.h", "l4d/decode.h", "l4d/members.h", "l4d/experimental/inspect.h", "l4d/encode.h", "l4d/render.h",
+           "l4d/cuda.h", "python/scenes.h"]
 
 # Functions that C calls and that l4dcodec/core.py defines.
 CALLBACKS = """

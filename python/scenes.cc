@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <iterator>
 #include <memory>
 #include <new>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -18,8 +20,13 @@
 #include "eval/shown_members.h"
 #include "io/camera/cameras.h"
 #include "io/camera/first_view.h"
+#include "io/formats/instant_file.h"
+#include "io/formats/raw_arrays.h"
+#include "io/formats/scene_file.h"
+#include "io/formats/write_4dgs.h"
 #include "io/ply/scene_ply.h"
 #include "io/scene/scene.h"
+#include "io/sequence/sequence.h"
 #include "l4d/l4d.hpp"
 #include "l4d/members.h"
 
@@ -132,17 +139,23 @@ void write_comparison(const l4d::eval::Comparison& c, l4dpy_comparison* out) {
 }
 
 // Whether a file is one stream that shows all of its sequence at its own times. One whose members
-// cannot be listed counts as that: a decoder may still read it in part.
+// cannot be listed, or of which no media member is whole, counts as that: a decoder may still read
+// it in part, and shows the first standing member.
 bool is_plain(const l4d_reader& reader, const l4d_timeline& timeline) {
   l4d_members* list = nullptr;
-  l4d_members_info info;
-  l4d_members_info_init(&info);
-  l4d_member first;
-  l4d_member_init(&first);
+  l4d_members_info info = L4D_INIT(l4d_members_info);
+  l4d_member first = L4D_INIT(l4d_member);
   l4d_status status = l4d_members_open(&reader, nullptr, &list);
   if (status == L4D_OK) status = l4d_members_get_info(list, &info);
   if (status == L4D_OK) status = l4d_members_get(list, 0, &first);
+  bool has_media = false;
+  l4d_member member = L4D_INIT(l4d_member);
+  for (uint64_t i = 0; status == L4D_OK && i < info.count; ++i) {
+    status = l4d_members_get(list, i, &member);
+    has_media |= member.role == L4D_MEMBER_MEDIA;
+  }
   l4d_members_destroy(list);
+  if (!has_media) return true;
   if (status != L4D_OK) return true;
   const l4d_timeline shown =
       l4d::eval::timeline_between(timeline, first.sequence_begin, first.sequence_end);
@@ -151,14 +164,54 @@ bool is_plain(const l4d_reader& reader, const l4d_timeline& timeline) {
          shown.num_frames == timeline.num_frames;
 }
 
+// `first`, then a line for each note, cut to `size` bytes with the zero at the end.
+void put_notes(std::string first, const l4d::io::WriteNotes& found, char* notes, size_t size) {
+  for (const auto& [text, count] : found) {
+    first += (count == 0 ? text : std::to_string(count) + " " + text) + '\n';
+  }
+  if (size > 0) notes[first.copy(notes, size - 1)] = 0;
+}
+
 }  // namespace
 
-l4d_status l4dpy_read_ply(const char* path, double seconds, double fps, l4dpy_scene** out) {
+l4d_status l4dpy_is_scene_file(const char* path, int32_t* out) {
+  return guarded([&] { *out = l4d::io::is_scene_file(path, path) ? 1 : 0; });
+}
+
+l4d_status l4dpy_read_file(const char* path, double seconds, double fps, int32_t activated,
+                           l4dpy_scene** out) {
   return guarded([&] {
     l4d::io::ImportOptions options;
     options.seconds = seconds;
     options.fps = fps;
-    *out = new_scene(l4d::io::read_scene_ply(path, options));
+    options.activated = activated != 0;
+    *out = new_scene(l4d::io::read_scene_file(path, path, options));
+  });
+}
+
+void l4dpy_subtract_origin(const double* positions, uint64_t count, l4d_placement* placement,
+                           float* out) {
+  l4d::io::subtract_origin(positions, static_cast<size_t>(count), placement, out);
+}
+
+l4d_status l4dpy_read_frames(const char* paths, double fps, int32_t match, const double* errors,
+                             uint32_t threads, const int32_t* cancel, l4dpy_scene** out) {
+  return guarded([&] {
+    l4d::io::SequenceOptions options;
+    std::istringstream lines(paths);
+    for (std::string line; std::getline(lines, line);) options.paths.push_back(line);
+    options.fps = fps;
+    options.match = static_cast<l4d::io::SequenceMatch>(match);
+    options.threads = static_cast<int>(threads);
+    double* const tolerances[] = {&options.tolerance.position, &options.tolerance.scale,
+                                  &options.tolerance.rotation, &options.tolerance.color,
+                                  &options.tolerance.opacity};
+    for (size_t k = 0; k < std::size(tolerances); ++k) {
+      if (errors[k] >= 0) *tolerances[k] = errors[k];
+    }
+    const Flag flag(cancel);
+    options.progress = [&](size_t, size_t) { flag.check(); };
+    *out = new_scene(l4d::io::read_sequence(options));
   });
 }
 
@@ -188,19 +241,39 @@ void l4dpy_get(const l4dpy_scene* scene, l4dpy_parts* out) {
           s.presentation, s.source.c_str(), scene->notes.c_str()};
 }
 
-l4d_status l4dpy_write_ply(const l4dpy_scene* scene, const char* format, const char* path) {
+l4d_status l4dpy_write_scene(const l4dpy_scene* scene, const char* format, const char* path,
+                             char* notes, size_t size) {
   return guarded([&] {
     const std::string name = format;
-    if (name == "l4d") return l4d::io::write_l4d_ply(path, scene->decoded.scene);
-    if (name == "ftgs") return l4d::io::write_ftgs_ply(path, scene->decoded.scene);
-    throw l4d::io::Error(L4D_ERR_INVALID_ARGUMENT,
-                         "the format is '" + name + "'; it must be 'l4d' or 'ftgs'");
+    l4d::io::WriteNotes found;
+    if (name == "l4d") {
+      l4d::io::write_l4d_ply(path, scene->decoded.scene);
+    } else if (name == "ftgs") {
+      found = l4d::io::write_ftgs_ply(path, scene->decoded.scene);
+    } else if (name == "4dgs") {
+      found = l4d::io::write_4dgs(path, scene->decoded.scene);
+    } else if (name == "raw") {
+      l4d::io::write_raw(path, scene->decoded.scene);
+    } else {
+      throw l4d::io::Error(
+          L4D_ERR_INVALID_ARGUMENT,
+          "the format is '" + name + "'; it must be 'l4d', 'ftgs', '4dgs' or 'raw'");
+    }
+    put_notes("", found, notes, size);
   });
 }
 
 l4d_status l4dpy_write_splats(const l4d_splat_buffers* splats, uint32_t sh_degree,
-                              const char* path) {
+                              const l4dpy_parts* setting, const char* extension, const char* path,
+                              char* notes, size_t size) {
   return guarded([&] {
+    const std::vector<std::string> known = l4d::io::instant_extensions();
+    if (std::find(known.begin(), known.end(), extension) == known.end()) {
+      std::string names;
+      for (const std::string& name : known) names += (names.empty() ? "" : ", ") + name;
+      throw l4d::io::Error(L4D_ERR_INVALID_ARGUMENT,
+                           std::string(path) + ": a file of an instant ends in one of " + names);
+    }
     const size_t n = static_cast<size_t>(splats->count);
     l4d::io::Splats s;
     s.sh_degree = sh_degree;
@@ -208,7 +281,10 @@ l4d_status l4dpy_write_splats(const l4d_splat_buffers* splats, uint32_t sh_degre
     copy<float>(splats->covariance, 6 * n, &s.covariance);
     copy<float>(splats->opacity, n, &s.opacity);
     copy<float>(splats->sh, 3 * n * (sh_degree + 1) * (sh_degree + 1), &s.sh);
-    l4d::io::write_3dgs_ply(path, s);
+    const l4d::io::WriteNotes found = l4d::io::write_instant_file(
+        path, extension, std::move(s),
+        {setting->placement, setting->rendering, setting->presentation.metres_per_unit, {}});
+    put_notes(l4d::io::loss_of_instants(extension) + '\n', found, notes, size);
   });
 }
 
@@ -260,10 +336,13 @@ l4d_status l4dpy_movie_show(l4dpy_movie* movie, double time, l4dpy_shown* out, u
 }
 
 l4d_status l4dpy_read_cameras(const char* path, l4d_camera* out, int32_t* ids, uint64_t capacity,
-                              uint64_t* count) {
+                              uint64_t* count, char* notes, size_t size) {
   return guarded([&] {
     const l4d::io::CameraSet set = l4d::io::read_cameras(path);
     *count = set.cameras.size();
+    std::string lines;
+    for (const std::string& note : l4d::io::notes_of_pinholes(set)) lines += note + '\n';
+    put_notes(std::move(lines), {}, notes, size);
     for (size_t i = 0; i < std::min<uint64_t>(capacity, *count); ++i) {
       out[i] = set.cameras[i].camera;
       ids[i] = set.cameras[i].id;

@@ -24,9 +24,24 @@ typedef struct l4dpy_parts {
   const char* notes;  /* approximations that the import made, one a line */
 } l4dpy_parts;
 
-/* Reads a PLY of any kind that the tool reads. seconds, fps: the timeline of a PLY that states
- * none; 0 = 1 second, 30 frames a second. Fails with IO, CORRUPT, FEATURE_UNSUPPORTED. */
-l4d_status l4dpy_read_ply(const char* path, double seconds, double fps, l4dpy_scene** out);
+/* Sets *out to 1 if l4dpy_read_file has a reader for the file, by its first bytes or its extension.
+ * Fails with IO. */
+l4d_status l4dpy_is_scene_file(const char* path, int32_t* out);
+/* Reads a scene of any format that the tool reads, but for streams. seconds, fps: the timeline of a
+ * file that states none; 0 = 1 second, 30 frames a second. activated: 1 if a PLY has opacities and
+ * lengths in the columns for logits and logarithms. Fails with IO, CORRUPT, FEATURE_UNSUPPORTED. */
+l4d_status l4dpy_read_file(const char* path, double seconds, double fps, int32_t activated,
+                           l4dpy_scene** out);
+/* Splits positions [count, 3] into a common origin, which is added to the placement, and float32
+ * differences from it, `out`, as the tool does with map coordinates. */
+void l4dpy_subtract_origin(const double* positions, uint64_t count, l4d_placement* placement,
+                           float* out);
+/* Reads frames, each a file with a static scene, as one scene. paths: one a line. match: 0 auto, 1
+ * order, 2 content, 3 none. errors: [5] position, scale, rotation, color, opacity, as the option
+ * --sequence-error of the tool has them; negative = its default. threads: 0 = one per core. If
+ * another thread sets *cancel to 1, the call fails with CANCELLED. */
+l4d_status l4dpy_read_frames(const char* paths, double fps, int32_t match, const double* errors,
+                             uint32_t threads, const int32_t* cancel, l4dpy_scene** out);
 /* Decodes all of the first stream of a file. */
 l4d_status l4dpy_read_stream(const l4d_reader* reader, l4dpy_scene** out);
 /* Copies a scene. `source` and `notes` may be NULL. */
@@ -37,12 +52,21 @@ void l4dpy_destroy(l4dpy_scene* scene); /* accepts NULL */
 /* The parts of a scene. The arrays are borrowed until the scene is destroyed. */
 void l4dpy_get(const l4dpy_scene* scene, l4dpy_parts* out);
 
-/* Writes a PLY with all attributes ("l4d") or one of FreeTimeGS ("ftgs"). Fails with IO. */
-l4d_status l4dpy_write_ply(const l4dpy_scene* scene, const char* format, const char* path);
-/* Writes the 3D Gaussians of an instant as a 3DGS PLY. splats: `count` of them, with position,
- * covariance, opacity and sh. */
+/* Writes a PLY with all attributes ("l4d"), one of FreeTimeGS ("ftgs"), a .4dgs ("4dgs"), or raw
+ * arrays ("raw"). What the file does not have of the scene goes to `notes`, a sentence a line, cut
+ * to `size` bytes. Fails with INVALID_ARGUMENT, IO, INVALID_SCENE, LIMIT_EXCEEDED, and
+ * FEATURE_UNSUPPORTED where the format has no flat windows. */
+l4d_status l4dpy_write_scene(const l4dpy_scene* scene, const char* format, const char* path,
+                             char* notes, size_t size);
+/* Writes the 3D Gaussians of an instant in the format of `extension`: ".ply" for 3DGS, ".spz",
+ * ".sog",
+ * ".glb" or ".usda". splats: `count` of them, with position, covariance, opacity and sh. setting:
+ * its placement, rendering and presentation are used. What the file does not have of them goes to
+ * `notes`, a sentence a line, cut to `size` bytes. Fails with INVALID_ARGUMENT, IO, INVALID_SCENE,
+ * LIMIT_EXCEEDED, and FEATURE_UNSUPPORTED where the library has no WebP, which SOG needs. */
 l4d_status l4dpy_write_splats(const l4d_splat_buffers* splats, uint32_t sh_degree,
-                              const char* path);
+                              const l4dpy_parts* setting, const char* extension, const char* path,
+                              char* notes, size_t size);
 
 /* One error of a comparison. NaN = not measured. */
 typedef struct l4dpy_error {
@@ -92,9 +116,10 @@ l4d_status l4dpy_movie_show(l4dpy_movie* movie, double time, l4dpy_shown* out, u
                             uint64_t* count);
 
 /* The cameras of a file that the tool reads (docs/formats.md). *count receives their number; the
- * first min(capacity, *count) are written to `out`, and their ids to `ids`. */
+ * first min(capacity, *count) are written to `out`, and their ids to `ids`. What was assumed goes
+ * to `notes`, a sentence a line, cut to `size` bytes. */
 l4d_status l4dpy_read_cameras(const char* path, l4d_camera* out, int32_t* ids, uint64_t capacity,
-                              uint64_t* count);
+                              uint64_t* count, char* notes, size_t size);
 
 #ifdef __cplusplus
 }

@@ -16,7 +16,7 @@ from wheel.bdist_wheel import bdist_wheel
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 MODULE = "_native.abi3.so"
 # Of what the extension links, Debian's packages have no static form that fits into it.
-BROUGHT = ("libhwy.so.1", "libxxhash.so.0", "libzstd.so.1", "libpng16.so.16")
+BROUGHT = ("libhwy.so.1", "libxxhash.so.0", "libzstd.so.1", "libpng16.so.16", "libwebp.so.7")
 
 
 class BuildWithCMake(build_ext):
@@ -29,19 +29,25 @@ class BuildWithCMake(build_ext):
             build = os.path.abspath(self.build_temp)
             subprocess.run(["cmake", "-S", ROOT, "-B", build, "-DCMAKE_BUILD_TYPE=Release", "-DL4D_PYTHON=ON",
                             "-DL4D_BUILD_CLI=OFF", "-DL4D_TRAINING=OFF", "-DL4D_BUILD_TESTS=OFF",
-                            "-DL4D_BUILD_BENCH=OFF", f"-DL4D_PYTHON_INTERPRETER={sys.executable}"], check=True)
-            subprocess.run(["cmake", "--build", build, "--parallel", "--target", "l4d_python"], check=True)
+                            "-DL4D_BUILD_BENCH=OFF", "-DL4D_WEBP=AUTO", f"-DL4D_PYTHON_INTERPRETER={sys.executable}"], check=True)
+            subprocess.run(["cmake", "--build", build, "--parallel", "--target", "python"], check=True)
             built = os.path.join(build, "python", "l4dcodec")
         to = pathlib.Path(self.get_ext_fullpath(extension.name)).parent
         to.mkdir(parents=True, exist_ok=True)
         shutil.copy(os.path.join(built, MODULE), to)
+        if os.path.exists(os.path.join(built, "player.js")):
+            shutil.copy(os.path.join(built, "player.js"), to)
         for name, path in self.libraries_of(to / MODULE).items():
             if name in BROUGHT:
                 shutil.copy(path, to / name)
 
     @staticmethod
     def libraries_of(module: pathlib.Path) -> Dict[str, str]:
-        """Name -> path of the shared libraries that the module needs."""
+        """Name -> path of the shared libraries that the module needs. L4D_PYTHON_LIBRARIES names the folder of those of
+        another machine, where the system's own say nothing."""
+        folder = os.environ.get("L4D_PYTHON_LIBRARIES")
+        if folder is not None:
+            return {path.name: str(path) for path in pathlib.Path(folder).iterdir()}
         out = subprocess.run(["ldd", module], check=True, capture_output=True, text=True).stdout
         return dict(re.findall(r"(\S+) => (/\S+)", out))
 

@@ -16,7 +16,7 @@
 namespace l4d::render {
 namespace {
 
-constexpr size_t kGrain = 1024;
+constexpr size_t kProjectionGrain = 1024;
 constexpr uint64_t kDefaultMemory = uint64_t{16} << 30;
 
 Status slice_into(Scene& scene, double time, int threads, MemoryBudget& memory, Frame<float>* out) {
@@ -39,8 +39,8 @@ Renderer::Renderer(const l4d_renderer_options& options)
   if (options.backend == L4D_BACKEND_REFERENCE) {
     double_.rasterizer = make_reference_rasterizer(memory_);
   } else {
-    float_.rasterizer =
-        make_fast_rasterizer(threads_, options.exponential == L4D_RENDER_EXP_FAST, memory_);
+    float_.rasterizer = make_fast_rasterizer(threads_, options.exponential == L4D_RENDER_EXP_FAST,
+                                             memory_, options.cancel);
   }
 }
 
@@ -58,7 +58,7 @@ void Renderer::forget(bool with_scene) {
   });
   if (!with_scene) return;
   scene_.forget(memory_);
-  streams_.forget(memory_);
+  streams_.restart();
   float_.frame.forget(memory_);
   double_.frame.forget(memory_);
 }
@@ -77,11 +77,6 @@ Status Renderer::set_gaussians(const l4d_gaussians& gaussians, const l4d_timelin
   streams_.restart();
   if (cuda_) {
     L4D_RETURN_IF_ERROR(acquire_device());
-    if (gaussians.window != nullptr) {
-      return Status(L4D_ERR_FEATURE_UNSUPPORTED,
-                    "the scene has flat windows, which a device does not slice; encode it, and "
-                    "render the stream");
-    }
     L4D_RETURN_IF_ERROR(scene_.set(gaussians, timeline));
     L4D_RETURN_IF_ERROR(device_->set_gaussians(gaussians, timeline));
   } else {
@@ -93,10 +88,10 @@ Status Renderer::set_gaussians(const l4d_gaussians& gaussians, const l4d_timelin
   return {};
 }
 
-Status Renderer::set_decoders(l4d_decoder* const* decoders, const double* shifts, size_t count) {
+Status Renderer::set_streams(l4d_decoder* const* decoders, const double* shifts, size_t count,
+                             const l4d_operating_point& point) {
   for (size_t k = 0; k < count; ++k) {
-    l4d_info info;
-    l4d_info_init(&info);
+    l4d_info info = L4D_INIT(l4d_info);
     const l4d_status status = l4d_decoder_get_info(decoders[k], &info);
     if (status != L4D_OK) return Status(status, "the decoder has no open stream");
   }
@@ -105,7 +100,7 @@ Status Renderer::set_decoders(l4d_decoder* const* decoders, const double* shifts
   if (!has_given_) L4D_RETURN_IF_ERROR(supports(stated));
   has_time_ = false;
   if (cuda_) L4D_RETURN_IF_ERROR(acquire_device());
-  streams_.set(decoders, shifts, count, memory_);
+  streams_.set(decoders, shifts, count, point);
   stated_ = stated;
   source_ = Source::kStreams;
   return {};
@@ -147,7 +142,7 @@ Status Renderer::slice(double time) {
 
 Status Renderer::set_time(double time) {
   if (source_ == Source::kNone) {
-    return Status(L4D_ERR_INVALID_STATE, "no scene: call set_gaussians or set_decoder first");
+    return Status(L4D_ERR_INVALID_STATE, "no scene: call set_gaussians or set_streams first");
   }
   if (std::isnan(time)) return invalid_argument("the time is not a number");
   has_time_ = false;
@@ -245,7 +240,7 @@ void Renderer::add_gradients(Path<T>& path, const View<double>& view, l4d_gradie
   const auto of = [](float* base, size_t i, size_t n) {
     return base == nullptr ? nullptr : base + n * i;
   };
-  parallel_for(threads_, path.frame.count(), kGrain, [&](size_t begin, size_t end) {
+  parallel_for(threads_, path.frame.count(), kProjectionGrain, [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
       if (!(path.gradients.coverage[i] > 0)) continue;
       SplatGradient3D<double> by_slice;
@@ -305,7 +300,7 @@ void Renderer::collect(Path<T>& path, const View<double>& view, const Importance
   if (input.as_coded) derived.at_mean_time = false;
   const std::vector<T>& coverage = path.gradients.coverage;
   out->resize(path.frame.count());
-  parallel_for(threads_, path.frame.count(), kGrain, [&](size_t begin, size_t end) {
+  parallel_for(threads_, path.frame.count(), kProjectionGrain, [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
       Importance& item = (*out)[i];
       item.id = path.frame.id[i];

@@ -21,7 +21,8 @@ class Renderer {
 
   Status set_gaussians(const l4d_gaussians& gaussians, const l4d_timeline& timeline);
   // shifts: null = 0 for all.
-  Status set_decoders(l4d_decoder* const* decoders, const double* shifts, size_t count);
+  Status set_streams(l4d_decoder* const* decoders, const double* shifts, size_t count,
+                     const l4d_operating_point& point);
   // null: as the scene states.
   Status set_rendering(const l4d_rendering* rendering);
   void set_background(const float* rgb) { std::copy_n(rgb, 3, background_); }
@@ -67,6 +68,8 @@ class Renderer {
     return background_[0] != 0 || background_[1] != 0 || background_[2] != 0;
   }
   int threads() const { return threads_; }
+  // Whether `bytes` would be allowed beside what is held; LIMIT_EXCEEDED if not.
+  Status check_memory(uint64_t bytes, const char* what) { return memory_.check(bytes, what); }
   double time() const { return time_; }  // of the last set_time, seconds
 
  private:

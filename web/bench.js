@@ -3,8 +3,8 @@
 import {execFileSync} from 'node:child_process';
 import {readFileSync, writeFileSync} from 'node:fs';
 import {gzipSync} from 'node:zlib';
-import {compile, Decoder} from './core/src/decoder.js';
-import {ByteStore} from './core/src/store.js';
+import {compile} from './core/src/decoder.js';
+import {decoderAt} from './test/at-hand.js';
 import {launch, newPage, opened, serve} from './test/browser.js';
 import {Sorter} from './view/src/sorter.js';
 
@@ -34,15 +34,14 @@ table(['file', 'kB', 'gzip -9, kB'], ['l4d.wasm', 'player.js', 'worker.js', 'sor
 }));
 
 const bytes = readFileSync(scene);
-const store = new ByteStore();
-store.size = bytes.length;
-store.supply(0, bytes);
-const decoder = await Decoder.create(await compile(readFileSync(`${root}build/web/player/l4d.wasm`)), store);
-decoder.open();
-const {numGaussians, timeBegin, duration} = decoder.info();
-const time = timeBegin + duration / 2;
+const wasm = await compile(readFileSync(`${root}build/web/player/l4d.wasm`));
+const {decoder} = await decoderAt(wasm, bytes, 0, {whole: true});
+decoder.select(0);
+const {numGaussians} = decoder.info();
 const inNode = cpu(9, () => decoder.decode());
-const rows = cpu(5, () => decoder.buckets(time, time).forEach(b => decoder.rows(b.layer, b.bucket, 0)));
+const {decoder: middle, loads} = await decoderAt(wasm, bytes, 0.5);
+middle.select(0);
+const rows = cpu(5, () => loads.forEach(b => middle.rows(b.layer, b.bucket, 0)));
 /** CPU of a command of the tool, ms. @param {string[]} words */
 const cpuOfTool = words => Math.min(...Array.from({length: 9}, () => {
   const line = execFileSync('bash', ['-c', 'TIMEFORMAT="%U %S"; { time "$0" "$@" >/dev/null 2>&1; } 2>&1', tool, ...words]);

@@ -31,6 +31,8 @@ quietly() {
   }
 }
 
+# Each compile starts Python, which may be a script that looks for it.
+export EMSDK_PYTHON=${EMSDK_PYTHON:-$(python3 -c 'import sys; print(sys.executable)')}
 mkdir -p "$out"
 launcher=()
 if command -v ccache >/dev/null; then

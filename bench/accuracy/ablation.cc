@@ -3,6 +3,7 @@
 #include "bench/accuracy/cov4d.h"
 #include "bench/accuracy/sections.h"
 #include "io/ply/weights.h"
+#include "l4d/experimental/inspect.h"
 
 namespace l4d::bench {
 namespace {

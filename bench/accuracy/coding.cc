@@ -6,38 +6,19 @@
 
 #include "eval/encoding.h"
 #include "io/ply/weights.h"
+#include "l4d/experimental/inspect.h"
 
 namespace l4d::bench {
 namespace {
 
 void apply(const EncoderHandle& e, const Coding& coding) {
   e.check(l4d_encoder_set_preset(e.get(), coding.preset.c_str()));
-  for (const Setting& s : coding.settings) {
-    e.check(l4d_encoder_set(e.get(), s.id, s.component, s.value));
-  }
-  for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    const auto& stages = c == L4D_COMPONENT_SH ? coding.sh_stages : coding.geometry_stages;
-    if (stages.empty()) continue;
-    e.check(
-        l4d_encoder_set_stages(e.get(), c, static_cast<uint32_t>(stages.size()), stages.data()));
-  }
-}
-
-void set_weights(const EncoderHandle& e, const io::Weights& w) {
-  const std::pair<uint32_t, const std::vector<float>*> columns[] = {
-      {L4D_WEIGHT_SH, &w.sh},
-      {L4D_WEIGHT_SCALE, &w.scale},
-      {L4D_WEIGHT_ROTOR_SPATIAL, &w.rotor_spatial},
-      {L4D_WEIGHT_ROTOR_TEMPORAL, &w.rotor_temporal},
-      {L4D_WEIGHT_ALPHA_T, &w.alpha_t},
-      {L4D_WEIGHT_POSITION, &w.position},
-      {L4D_WEIGHT_OPACITY, &w.opacity},
-      {L4D_WEIGHT_MEAN_T, &w.mean_t}};
-  e.check(l4d_encoder_set(e.get(), L4D_ENC_WEIGHT_METRIC, L4D_ALL_COMPONENTS,
-                          w.gauss_newton ? L4D_SENSITIVITY_GAUSS_NEWTON : L4D_SENSITIVITY_SUM));
-  for (const auto& [which, column] : columns) {
-    if (column->empty()) continue;
-    e.check(l4d_encoder_set_weights(e.get(), which, column->data(), column->size()));
+  for (const Setting& s : coding.settings) e.set(s.name, s.value);
+  if (!coding.sh_stages.empty()) e.set_list(L4D_ENC_STAGES ".sh", coding.sh_stages);
+  if (coding.geometry_stages.empty()) return;
+  for (const char* name : {L4D_ENC_STAGES ".scale", L4D_ENC_STAGES ".rotor-spatial",
+                           L4D_ENC_STAGES ".rotor-temporal"}) {
+    e.set_list(name, coding.geometry_stages);
   }
 }
 
@@ -61,15 +42,21 @@ Coding preset(const std::string& name) {
   return c;
 }
 
-Coding staged(const std::string& name, double k, std::vector<float> sh_stages,
-              std::vector<float> geometry_stages) {
-  // Nothing that follows a quality.
+Coding staged(const std::string& name, double k, std::vector<double> sh_stages,
+              std::vector<double> geometry_stages) {
+  // Nothing that follows a quality, and no bound, which would store exactly what few codewords
+  // miss.
   Coding c = preset("indexed")
                  .with(L4D_ENC_CODEBOOK_SIZE, k)
                  .with(L4D_ENC_REFINE, 0)
                  .with(L4D_ENC_MEAN_T_SHIFT, 0)
                  .with(L4D_ENC_OPACITY_BITS, 8)
-                 .with(L4D_ENC_PRUNE_COST, 0);
+                 .with(L4D_ENC_PRUNE_COST, 0)
+                 .with(L4D_ENC_MAX_POSITION_ERROR, 0)
+                 .with(L4D_ENC_MAX_COVARIANCE_FACTOR, 0)
+                 .with(L4D_ENC_MAX_OPACITY_ERROR, 0)
+                 .with(L4D_ENC_MAX_BASE_COLOR_ERROR, 0)
+                 .with(L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR, 0);
   c.name = name;
   c.sh_stages = std::move(sh_stages);
   c.geometry_stages = std::move(geometry_stages);
@@ -87,8 +74,7 @@ std::vector<Coding> codebook_codings() {
 Coding one_stage() { return staged("one stage, K=4096", 4096, {1}, {1}); }
 
 Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding& coding, int runs) {
-  l4d_encoder_options options;
-  l4d_encoder_options_init(&options);
+  l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
   return encode(scene, weights, coding, runs, options);
 }
 
@@ -99,7 +85,9 @@ Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding&
   apply(e, coding);
   const l4d_gaussians view = scene.view();
   e.check(l4d_encoder_set_scene(e.get(), &view, &scene.timeline, &scene.placement));
-  set_weights(e, weights);
+  l4d_importance importance = weights.view();
+  importance.count = scene.count();  // of none, too
+  e.check(l4d_encoder_set_importance(e.get(), &importance));
   eval::Observer quiet;
   Encoded best;
   for (int run = 0; run < std::max(runs, 1); ++run) {
@@ -119,8 +107,7 @@ Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding&
 }
 
 DecoderHandle open(const std::vector<unsigned char>& file, uint32_t backend, uint32_t threads) {
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   options.backend = backend;
   options.threads = threads;
   DecoderHandle d(&options);

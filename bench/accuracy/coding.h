@@ -9,14 +9,15 @@
 
 #include "bench/accuracy/scene.h"
 #include "io/ply/weights.h"
+#include "l4d/experimental/inspect.h"
+#include "l4d/experimental/parameters.h"
 #include "l4d/l4d.hpp"
 #include "l4d/render.h"
 
 namespace l4d::bench {
 
 struct Setting {
-  l4d_encoder_parameter id;
-  int component;  // or L4D_ALL_COMPONENTS
+  std::string name;
   double value;
 };
 
@@ -25,14 +26,14 @@ struct Coding {
   std::string preset = "default";
   std::vector<Setting> settings;  // in this order, after the preset
   // Shares of residual stages, of SH and of the other components; empty = as the preset has them.
-  std::vector<float> sh_stages, geometry_stages;
+  std::vector<double> sh_stages, geometry_stages;
   uint64_t seed = 0;
   // Of the weights it is encoded with: thresholds of the paper's presets are in units of the sum.
   uint32_t metric = L4D_SENSITIVITY_GAUSS_NEWTON;
 
-  Coding with(l4d_encoder_parameter id, double value, int component = L4D_ALL_COMPONENTS) const {
+  Coding with(const std::string& parameter, double value) const {
     Coding c = *this;
-    c.settings.push_back({id, component, value});
+    c.settings.push_back({parameter, value});
     return c;
   }
 };
@@ -42,8 +43,8 @@ Coding preset(const std::string& name);
 // One stage of 4096 codewords for each component: what tables on codebooks vary.
 Coding one_stage();
 // Codebooks of k codewords, with these shares of residual stages.
-Coding staged(const std::string& name, double k, std::vector<float> sh_stages,
-              std::vector<float> geometry_stages);
+Coding staged(const std::string& name, double k, std::vector<double> sh_stages,
+              std::vector<double> geometry_stages);
 // Shares and sizes of residual stages around those of the presets.
 std::vector<Coding> codebook_codings();
 

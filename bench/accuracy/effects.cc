@@ -5,6 +5,7 @@
 
 #include "bench/accuracy/sections.h"
 #include "bench/accuracy/timing.h"
+#include "l4d/experimental/inspect.h"
 
 namespace l4d::bench {
 namespace {
@@ -27,13 +28,11 @@ std::string tool_names(uint32_t tools) {
 
 Json effect_row(const BenchScene& scene, const char* name) {
   const Encoded e = encode(scene.scene, {}, Coding{});
-  l4d_decoder_options one_thread;
-  l4d_decoder_options_init(&one_thread);
+  l4d_decoder_options one_thread = L4D_INIT(l4d_decoder_options);
   one_thread.threads = 1;
   DecoderHandle d(&one_thread);
   d.open_memory(e.file.data(), e.file.size());
-  l4d_query query;
-  l4d_query_init(&query);
+  l4d_query query = L4D_INIT(l4d_query);
   GaussianArrays a = d.decode(query);
   a.spans.clear();
   l4d_gaussian_buffers out = a.buffers();
@@ -41,8 +40,7 @@ Json effect_row(const BenchScene& scene, const char* name) {
       time_median(7, [&] { d.check(l4d_decoder_decode(d.get(), &query, &out)); });
   const double middle = scene.time_of(scene.scene.timeline.num_frames / 2);
   SplatArrays s = d.slice(middle);
-  l4d_splat_buffers splats;
-  l4d_splat_buffers_init(&splats);
+  l4d_splat_buffers splats = L4D_INIT(l4d_splat_buffers);
   splats.capacity = s.count();
   splats.position = s.position.data();
   splats.covariance = s.covariance.data();

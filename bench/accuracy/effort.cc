@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "bench/accuracy/sections.h"
+#include "l4d/experimental/parameters.h"
 
 namespace l4d::bench {
 namespace {
@@ -27,11 +28,11 @@ constexpr Try kReference = {10, 24, 15};
 
 Try of_effort(int effort) {
   EncoderHandle e;
-  e.check(l4d_encoder_set(e.get(), L4D_ENC_EFFORT, L4D_ALL_COMPONENTS, effort));
+  e.check(l4d_encoder_set(e.get(), L4D_ENC_EFFORT, effort));
   Try t{};
-  e.check(l4d_encoder_get(e.get(), L4D_ENC_KMEANS_ITERATIONS, L4D_ALL_COMPONENTS, &t.iterations));
-  e.check(l4d_encoder_get(e.get(), L4D_ENC_KMEANS_SAMPLE, L4D_ALL_COMPONENTS, &t.sample));
-  e.check(l4d_encoder_get(e.get(), L4D_ENC_ZSTD_LEVEL, L4D_ALL_COMPONENTS, &t.zstd));
+  e.check(l4d_encoder_get(e.get(), L4D_ENC_KMEANS_ITERATIONS, &t.iterations));
+  e.check(l4d_encoder_get(e.get(), L4D_ENC_KMEANS_SAMPLE, &t.sample));
+  e.check(l4d_encoder_get(e.get(), L4D_ENC_ZSTD_LEVEL, &t.zstd));
   return t;
 }
 
@@ -59,7 +60,7 @@ class Trial {
   }
 
  private:
-  Outcome raw(const Try& t, const std::vector<float>& stages) {
+  Outcome raw(const Try& t, const std::vector<double>& stages) {
     const Coding c = staged("", 4096, stages, stages)
                          .with(L4D_ENC_KMEANS_ITERATIONS, t.iterations)
                          .with(L4D_ENC_KMEANS_SAMPLE, t.sample)

@@ -5,6 +5,7 @@
 
 #include "bench/accuracy/sections.h"
 #include "io/image/video.h"
+#include "l4d/experimental/inspect.h"
 
 namespace l4d::bench {
 namespace {
@@ -106,9 +107,7 @@ void add_layers(Bench& bench, Json& table, const io::Weights& weights, const Cod
   // Without losses nothing moves to coarser layers, and extents are those of the input.
   Coding bare;
   bare.preset = "lossless";
-  bare.settings = {{L4D_ENC_MERGE_FRACTION, L4D_ALL_COMPONENTS, 0},
-                   {L4D_ENC_MERGE_COUNT, L4D_ALL_COMPONENTS, 0},
-                   {L4D_ENC_ZSTD_LEVEL, L4D_ALL_COMPONENTS, 1}};
+  bare.settings = {{L4D_ENC_MERGE_FRACTION, 0}, {L4D_ENC_MERGE_COUNT, 0}, {L4D_ENC_ZSTD_LEVEL, 1}};
   const io::Scene& scene = bench.real().scene;
   const Encoded whole = encode(scene, weights, bare);
   const auto all = by_level(whole);

@@ -43,8 +43,7 @@ void usage(std::FILE* to) {
 }
 
 bool has_device() {
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   options.backend = L4D_BACKEND_CUDA;
   l4d_decoder* decoder = nullptr;
   const bool found = l4d_decoder_create(&options, &decoder) == L4D_OK;

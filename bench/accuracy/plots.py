@@ -144,26 +144,36 @@ def component_curves(rows, key, name, folder, reference=None):
     return save(figure, folder, name)
 
 
-def time_fidelity(rows, folder):
-    """What a preset's fidelity costs in time: with importance measured, and without. Lossless
+def choice(rows, folder):
+    """Fidelity of presets against bytes and against time, with importance measured and without. Lossless
     files are above the plot, wherever they are."""
     rows = [r for r in rows if r["fidelity_db"] < 90]
-    figure, axes = plt.subplots(figsize=(8, 4.6))
-    kinds = (("without measuring importance", "s",
-              lambda r: (r["encode_unweighted_s"], r["fidelity_unweighted_db"])),
-             ("importance measured", "o",
-              lambda r: (r["measure_s"] + r["encode_s"], r["fidelity_db"])))
-    for (name, style, point), colour in zip(kinds, COLOURS):
-        points = [point(r) for r in rows]
-        axes.plot([x for x, _ in points], [y for _, y in points], style, color=colour, label=name)
-    axes.set_xscale("log")
-    axes.xaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
-    axes.margins(x=0.15, y=0.1)
-    axes.set(xlabel="seconds from scene to file", ylabel="fidelity (dB)")
-    axes.legend(ncol=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    for _, _, point in kinds:
-        spread_labels(axes, [(*point(r), r["name"]) for r in rows])
-    return save(figure, folder, "time_fidelity")
+    figure, panels = plt.subplots(1, 2, figsize=(10, 4.8), sharey=True)
+    kinds = (("encode", "s", "fidelity_unweighted_db",
+              (lambda r: r["bytes_unweighted"] / 1e6, lambda r: r["encode_unweighted_s"])),
+             ("encode --cameras", "o", "fidelity_db",
+              (lambda r: r["bytes"] / 1e6, lambda r: r["measure_s"] + r["encode_s"])))
+    for axes, number, title in zip(panels, (0, 1), ("MB", "seconds from scene to file")):
+        for (name, style, fidelity, across), colour in zip(kinds, COLOURS):
+            axes.plot([across[number](r) for r in rows], [r[fidelity] for r in rows], style,
+                      color=colour, label=name)
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
+        axes.xaxis.set_minor_formatter(matplotlib.ticker.NullFormatter())
+        axes.set(xlabel=title)
+    panels[0].set_xticks([1, 1.5, 2, 3, 5, 10, 20])
+    panels[0].set_ylabel("fidelity (dB)")
+    for axes, number, beside in ((panels[0], 0, 0.2), (panels[1], 1, 0.3)):
+        axes.margins(x=beside, y=0.1)
+        for _, _, fidelity, across in kinds:
+            points = [(across[number](r), r[fidelity], r["name"]) for r in rows]
+            if number == 0 and fidelity == "fidelity_db":  # the smaller files: labels on their free side
+                for x, y, text in points:
+                    label(axes, x, y, text, -7, -3, "right")
+            else:
+                spread_labels(axes, points)
+    panels[0].legend(loc="lower right")
+    return save(figure, folder, "choice")
 
 
 def spread_labels(axes, points, step=10):

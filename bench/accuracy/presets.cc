@@ -9,8 +9,7 @@ namespace l4d::bench {
 namespace {
 
 uint64_t peak_memory(const DecoderHandle& d) {
-  l4d_counters counters;
-  l4d_counters_init(&counters);
+  l4d_counters counters = L4D_INIT(l4d_counters);
   d.check(l4d_decoder_get_counters(d.get(), &counters));
   return counters.peak_memory_bytes;
 }
@@ -23,8 +22,7 @@ struct Playback {
 
 Playback play(const BenchScene& scene, const std::vector<unsigned char>& file, int runs) {
   Playback p;
-  l4d_query query;
-  l4d_query_init(&query);
+  l4d_query query = L4D_INIT(l4d_query);
   {
     DecoderHandle d = open(file, L4D_BACKEND_CPU, 1);
     p.decode = time_median(runs, [&] { d.decode(query); });
@@ -89,12 +87,10 @@ Json run_presets(Bench& bench) {
 namespace {
 
 Json device_row(const BenchScene& scene, const char* name, const Measured& measured) {
-  l4d_encoder_options options;
-  l4d_encoder_options_init(&options);
+  l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
   options.backend = L4D_BACKEND_CUDA;
   const Encoded e = encode(scene.scene, measured.weights, preset(name), 3, options);
-  l4d_query query;
-  l4d_query_init(&query);
+  l4d_query query = L4D_INIT(l4d_query);
   DecoderHandle d = open(e.file, L4D_BACKEND_CUDA, 0);
   const double decode = time_median(9, [&] { d.decode(query); });
   return {{"name", name},
@@ -107,8 +103,7 @@ Json device_row(const BenchScene& scene, const char* name, const Measured& measu
 }  // namespace
 
 Json run_device(Bench& bench) {
-  l4d_renderer_options renderer;
-  l4d_renderer_options_init(&renderer);
+  l4d_renderer_options renderer = L4D_INIT(l4d_renderer_options);
   renderer.backend = L4D_BACKEND_CUDA;
   const BenchScene& scene = bench.real();
   Json rows = Json::array();

@@ -18,9 +18,11 @@ import chapters_presets
 import chapters_rate
 import chapters_speed
 
+# Section of the results, title, what writes it.
+CHOICE = (("presets", "Which preset", chapters_presets.presets),)
 ACCURACY = (
-    ("presets", "Which preset", chapters_presets.presets),
-    ("device", "Which preset, on a CUDA device", chapters_presets.device),
+    ("presets", "Presets in detail", chapters_presets.details),
+    ("device", "Presets on a CUDA device", chapters_presets.device),
     ("final", "Quality, bytes and layers in detail", chapters.final),
     ("rate", "Fidelity against bytes", chapters_rate.rate),
     ("sensitivity", "Importance weights: how many views", chapters.sensitivity),
@@ -37,21 +39,27 @@ ABLATIONS = (
     ("effects", "Effects", chapters_ablations.effects),
 )
 
-ACCURACY_INTRODUCTION = """\
+ACCURACY_TITLE = """\
 # Accuracy against time and bytes
+
+*basketball* is a trained scene of 213,874 Gaussians and 5 s. *Fidelity* says how close pictures of a stream are to pictures of the
+scene that it codes. Which parts of the codec bring it: [ablations](ablations.md).
+"""
+ACCURACY_METHOD = """\
+## How this is measured
 
 `./dev bench accuracy` makes this page, its plots and the page of [ablations](ablations.md). It wants
 the basketball scene (`$L4D_DATA_DIR`, else `../shared/data`); `./dev bench accuracy --quick` makes
 the same pages of a small synthetic scene. Each section runs alone with the command under its title and keeps the
-results of the others, which lie in `docs/accuracy/results.json`. Measured weights are kept in
-`build/accuracy/weights*.bin`: delete those after a change of the renderer.
+results of the others, which lie in `docs/accuracy/results.json`. Measured weights are kept beside the results
+(`weights*.bin`): delete those after a change of the renderer.
 
 *Fidelity* is the PSNR of the mean squared error between renders of the decoded and of the original
 scene, both clamped to [0, 1]: it says how well a codec keeps the model that it was given, whatever
 that model is worth. *Ratio* is the float32 numbers of all given Gaussians (260 bytes each at SH
 degree 3) over the bytes of the file. Weights are Gauss-Newton weights, measured by the renderer
 from the training views, unless a table says otherwise. Fidelity is over all cameras: at every 15th
-frame in the third section, at four instants in the others. Seconds of encoding are CPU seconds of
+frame in "Quality, bytes and layers in detail", at four instants in the others. CPU seconds are those of
 all threads, which other work on the machine disturbs little.
 
 Nothing here is refitted: the tool has these figures with `encode --refit 0`. By default it does more
@@ -74,24 +82,36 @@ def machine(section):
     return f"{m['cpu']}, {m['cores']} core{'s' if m['cores'] != 1 else ''}"
 
 
-def page_of(document, introduction, chapter_list, folder):
-    sections = {name: document["sections"][name] for name, _, _ in chapter_list
-                if name in document["sections"]}
-    parts = [introduction]
-    seen = list(dict.fromkeys(machine(s) for s in sections.values()))
-    builds = sorted({s["build"] for s in sections.values()})
-    parts.append("Measured on: " + "; ".join(seen) + ". Build: " + " / ".join(builds) + ".\n")
-    if document["quick"]:
-        parts.append("**A quick run: its figures are of a toy scene and prove nothing about real "
-                     "ones.**\n")
+def chapters_of(document, chapter_list, folder):
+    parts = []
     for name, title, chapter in chapter_list:
-        if name not in sections:
+        if name not in document["sections"]:
             continue
-        section = sections[name]
+        section = document["sections"][name]
         parts.append(f"## {title}\n")
-        parts.append(f"`{section['command']}` ({section['seconds']:.0f} s)\n")
+        parts.append(f"`{section['command']}` ({section['seconds']:.0f} s; {machine(section)})\n")
         parts += chapter(section["tables"], folder)
-    return "\n".join(parts)
+    return parts
+
+
+def builds_of(document, chapter_list):
+    builds = sorted({document["sections"][name]["build"] for name, _, _ in chapter_list
+                     if name in document["sections"]})
+    return "Builds: " + " / ".join(builds) + ".\n"
+
+
+def toy_warning(document):
+    return ["**A quick run: its figures are of a toy scene and prove nothing about real ones.**\n"] if document["quick"] else []
+
+
+def accuracy_page(document, folder):
+    return [ACCURACY_TITLE, *toy_warning(document), *chapters_of(document, CHOICE, folder), ACCURACY_METHOD,
+            builds_of(document, ACCURACY), *chapters_of(document, ACCURACY, folder)]
+
+
+def ablations_page(document, folder):
+    return [ABLATIONS_INTRODUCTION, builds_of(document, ABLATIONS), *toy_warning(document),
+            *chapters_of(document, ABLATIONS, folder)]
 
 
 def main(arguments):
@@ -101,12 +121,10 @@ def main(arguments):
     document = json.loads(pathlib.Path(arguments[0]).read_text(encoding="utf-8"))
     folder = pathlib.Path(arguments[1])
     folder.mkdir(parents=True, exist_ok=True)
-    for name, introduction, chapter_list in (("accuracy", ACCURACY_INTRODUCTION, ACCURACY),
-                                             ("ablations", ABLATIONS_INTRODUCTION, ABLATIONS)):
+    for name, chapter_list, make in (("accuracy", ACCURACY, accuracy_page), ("ablations", ABLATIONS, ablations_page)):
         if any(section in document["sections"] for section, _, _ in chapter_list):
             page = folder / f"{name}.md"
-            text = page_of(document, introduction, chapter_list, folder / name)
-            page.write_text(text.rstrip("\n") + "\n", encoding="utf-8")
+            page.write_text("\n".join(make(document, folder / name)).rstrip("\n") + "\n", encoding="utf-8")
             print(page)
     return 0
 

@@ -6,6 +6,7 @@
 
 #include "bench/accuracy/sections.h"
 #include "bench/accuracy/timing.h"
+#include "l4d/experimental/packed.h"
 
 namespace l4d::bench {
 namespace {
@@ -16,8 +17,7 @@ struct Setup {
 };
 
 l4d_query whole_query() {
-  l4d_query query;
-  l4d_query_init(&query);
+  l4d_query query = L4D_INIT(l4d_query);
   return query;
 }
 
@@ -49,8 +49,7 @@ Result packed(DecoderHandle& d, int runs) {
   const l4d_query query = whole_query();
   const size_t n = static_cast<size_t>(d.select(query).num_gaussians);
   std::vector<uint16_t> position(3 * n), mean(n), opacity(n), factor(n), index[L4D_COMPONENT_COUNT];
-  l4d_packed_buffers b;
-  l4d_packed_buffers_init(&b);
+  l4d_packed_buffers b = L4D_INIT(l4d_packed_buffers);
   b.capacity = n;
   b.position = position.data();
   b.mean_t = mean.data();
@@ -72,8 +71,7 @@ Result packed(DecoderHandle& d, int runs) {
 // An instant whose buckets are in the cache: what a step in time costs once they are decoded.
 Result sliced(DecoderHandle& d, double time, int runs) {
   SplatArrays a = d.slice(time);
-  l4d_splat_buffers b;
-  l4d_splat_buffers_init(&b);
+  l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
   b.capacity = a.count();
   b.position = a.position.data();
   b.covariance = a.covariance.data();
@@ -99,8 +97,7 @@ struct PathResult {
 
 PathResult render(const BenchScene& scene, const std::vector<uint32_t>& frames,
                   const std::vector<size_t>& cameras, const Path& path) {
-  l4d_renderer_options options;
-  l4d_renderer_options_init(&options);
+  l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
   options.backend = path.path;
   options.exponential = path.exponential;
   RendererHandle renderer(&options);

@@ -9,7 +9,7 @@ namespace l4d::bench {
 namespace {
 
 constexpr std::array<const char*, L4D_COMPONENT_COUNT> kComponents = {
-    "sh", "scale", "rotor_spatial", "rotor_temporal"};
+    "sh", "scale", "rotor-spatial", "rotor-temporal"};
 // The paper's thresholds, "Small" (supplement, B.1).
 constexpr std::array<double, L4D_COMPONENT_COUNT> kPaperThresholds = {6e-7, 2e-7, 1e-6, 8e-6};
 
@@ -25,8 +25,10 @@ Json run_codebooks(Bench& bench) {
   Json rows = Json::array();
   for (const int c : components(bench)) {
     for (const double size : bench.take(std::vector<double>{1024, 4096, 16384})) {
-      Json row = coded_row(bench, bench.real(), one_stage().with(L4D_ENC_CODEBOOK_SIZE, size, c));
-      row["name"] = kComponents[static_cast<size_t>(c)];
+      const std::string component = kComponents[static_cast<size_t>(c)];
+      Json row = coded_row(bench, bench.real(),
+                           one_stage().with(L4D_ENC_CODEBOOK_SIZE "." + component, size));
+      row["name"] = component;
       row["size"] = size;
       bench.add(rows, row);
     }
@@ -46,9 +48,10 @@ Json run_thresholds(Bench& bench) {
   for (const int c : components(bench)) {
     for (const int decade : bench.take(std::vector<int>{-2, -1, 0, 1})) {
       const double threshold = kPaperThresholds[static_cast<size_t>(c)] * std::pow(10.0, decade);
-      const Encoded e =
-          encode(bench, bench.real(), base.with(L4D_ENC_ESCAPE_THRESHOLD, threshold, c));
-      Json row = coding_row(bench, bench.real(), kComponents[static_cast<size_t>(c)], e);
+      const std::string component = kComponents[static_cast<size_t>(c)];
+      const Encoded e = encode(bench, bench.real(),
+                               base.with(L4D_ENC_ESCAPE_THRESHOLD "." + component, threshold));
+      Json row = coding_row(bench, bench.real(), component, e);
       row["threshold"] = threshold;
       row["of_paper"] = std::pow(10.0, decade);
       bench.add(rows, row);

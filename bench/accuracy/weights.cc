@@ -103,8 +103,7 @@ std::vector<double> ranks(const std::vector<float>& values) {
 }  // namespace
 
 l4d_measure_options measure_options(uint32_t metric, double agreement, double max_share) {
-  l4d_measure_options options;
-  l4d_measure_options_init(&options);
+  l4d_measure_options options = L4D_INIT(l4d_measure_options);
   options.metric = metric;
   options.agreement = agreement;
   options.max_share = max_share;
@@ -114,7 +113,7 @@ l4d_measure_options measure_options(uint32_t metric, double agreement, double ma
 Measured measure(const BenchScene& s, const l4d_measure_options& options,
                  const l4d_renderer_options* renderer_options) {
   Measured m;
-  l4d_measure_report_init(&m.report);
+  m.report = L4D_INIT(l4d_measure_report);
   std::vector<l4d_view> views;
   for (uint32_t frame = 0; frame < s.scene.timeline.num_frames; ++frame) {
     for (const uint32_t camera : s.training) views.push_back({s.time_of(frame), camera, 0});
@@ -122,20 +121,10 @@ Measured measure(const BenchScene& s, const l4d_measure_options& options,
   const double started = seconds_now();
   RendererHandle renderer(renderer_options);
   renderer.set_gaussians(s.scene.view(), s.scene.timeline);
-  l4d_sensitivity* made = nullptr;
+  const auto columns = m.weights.make_columns(s.scene.count());
   renderer.check(l4d_measure_importance(
       renderer.get(), s.cameras.data(), static_cast<uint32_t>(s.cameras.size()), views.data(),
-      views.size(), &options, nullptr, nullptr, &m.report, &made));
-  const SensitivityHandle sensitivity(made, s.scene.count());
-  m.weights.count = s.scene.count();
-  m.weights.alpha_t = sensitivity.weights(L4D_WEIGHT_ALPHA_T);
-  m.weights.sh = sensitivity.weights(L4D_WEIGHT_SH);
-  m.weights.scale = sensitivity.weights(L4D_WEIGHT_SCALE);
-  m.weights.rotor_spatial = sensitivity.weights(L4D_WEIGHT_ROTOR_SPATIAL);
-  m.weights.rotor_temporal = sensitivity.weights(L4D_WEIGHT_ROTOR_TEMPORAL);
-  m.weights.position = sensitivity.weights(L4D_WEIGHT_POSITION);
-  m.weights.opacity = sensitivity.weights(L4D_WEIGHT_OPACITY);
-  m.weights.mean_t = sensitivity.weights(L4D_WEIGHT_MEAN_T);
+      views.size(), &options, columns.data(), s.scene.count(), &m.report));
   m.weights.gauss_newton = options.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
   m.seconds = seconds_now() - started;
   return m;

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "l4d/cuda.h"
+#include "l4d/experimental/cuda_packed.h"
 #include "l4d/l4d.hpp"
 
 namespace {
@@ -102,8 +103,7 @@ class Query {
   Query& operator=(const Query&) = delete;
 
   void run(const char* name, int runs) {
-    l4d_cuda_request request;
-    l4d_cuda_request_init(&request);
+    l4d_cuda_request request = L4D_INIT(l4d_cuda_request);
     check(l4d_cuda_decoder_prepare(cuda_, &query_, &request));
     std::vector<double> prepares;
     for (int i = 0; i < 10; ++i) {
@@ -115,8 +115,7 @@ class Query {
     const uint64_t n = request.num_gaussians;
     const DeviceArray position(n * 12), mean_t(n * 4), mean_t_local(n * 4), log_scale(n * 16),
         rotor(n * 32), opacity(n * 4), sh(n * sh_dim_ * 4), workspace(request.workspace_bytes);
-    l4d_cuda_gaussian_buffers none;
-    l4d_cuda_gaussian_buffers_init(&none);
+    l4d_cuda_gaussian_buffers none = L4D_INIT(l4d_cuda_gaussian_buffers);
     none.capacity = n;
     l4d_cuda_gaussian_buffers geometry = none;
     geometry.position = position.floats();
@@ -175,8 +174,7 @@ class Query {
  private:
   // All arrays of the packed form, which are compared with the host's like the others.
   void run_packed(int runs) {
-    l4d_cuda_request request;
-    l4d_cuda_request_init(&request);
+    l4d_cuda_request request = L4D_INIT(l4d_cuda_request);
     request.forms = L4D_CUDA_FORM_PACKED;
     const l4d_status prepared = l4d_cuda_decoder_prepare(cuda_, &query_, &request);
     if (prepared == L4D_ERR_FEATURE_UNSUPPORTED) return;
@@ -195,8 +193,7 @@ class Query {
     }
     const DeviceArray workspace(request.workspace_bytes);
     const auto halves = [&](size_t k) { return static_cast<uint16_t*>(arrays[k]->data()); };
-    l4d_cuda_packed_buffers out;
-    l4d_cuda_packed_buffers_init(&out);
+    l4d_cuda_packed_buffers out = L4D_INIT(l4d_cuda_packed_buffers);
     out.capacity = n;
     out.position = halves(0);
     out.mean_t = halves(1);
@@ -243,8 +240,7 @@ class Query {
     std::vector<std::vector<unsigned char>> host;
     for (const uint64_t b : bytes) host.emplace_back(static_cast<size_t>(b) + 1);
     const auto halves = [&](size_t k) { return reinterpret_cast<uint16_t*>(host[k].data()); };
-    l4d_packed_buffers out;
-    l4d_packed_buffers_init(&out);
+    l4d_packed_buffers out = L4D_INIT(l4d_packed_buffers);
     out.capacity = bytes[1] / 2;
     out.position = halves(0);
     out.mean_t = halves(1);
@@ -275,7 +271,7 @@ class Query {
 
   void check(l4d_status status) const {
     if (status == L4D_OK) return;
-    std::fprintf(stderr, "%s\n", l4d_cuda_decoder_error_message(cuda_));
+    std::fprintf(stderr, "%s\n", l4d_last_error_message());
     std::exit(1);
   }
   static void compare(const char* what, const DeviceArray& device, const std::vector<float>& host) {
@@ -298,8 +294,7 @@ class Query {
 
 int run(int argc, char** argv) {
   int runs = 60;
-  l4d_query query;
-  l4d_query_init(&query);
+  l4d_query query = L4D_INIT(l4d_query);
   std::vector<std::string> files;
   for (int i = 1; i < argc; ++i) {
     if (std::strcmp(argv[i], "--runs") == 0 && i + 1 < argc) {
@@ -308,7 +303,7 @@ int run(int argc, char** argv) {
       query.kind = L4D_QUERY_TIME;
       query.time_begin = std::atof(argv[++i]);
     } else if (std::strcmp(argv[i], "--base") == 0) {
-      query.detail = L4D_DETAIL_BASE_COLOR;
+      query.point.detail = L4D_DETAIL_BASE_COLOR;
     } else {
       files.emplace_back(argv[i]);
     }

@@ -10,6 +10,7 @@
 
 #include "encoder/search/cuda/device_nearest.h"
 #include "io/synth/synth.h"
+#include "l4d/experimental/parameters.h"
 #include "l4d/l4d.hpp"
 #include "libl4dcodec/cuda/device.h"
 
@@ -78,15 +79,13 @@ void assignments(size_t n) {
 
 // Returns the file.
 std::vector<unsigned char> quantise(const l4d::io::Scene& scene, bool by_hand, uint32_t backend) {
-  l4d_encoder_options options;
-  l4d_encoder_options_init(&options);
+  l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
   options.backend = backend;
   l4d::EncoderHandle e(&options);
   e.check(l4d_encoder_set_preset(e.get(), "indexed"));
   if (by_hand) {
-    const float whole = 1;
-    e.check(l4d_encoder_set(e.get(), L4D_ENC_CODEBOOK_SIZE, L4D_ALL_COMPONENTS, 4096));
-    e.check(l4d_encoder_set_stages(e.get(), L4D_ALL_COMPONENTS, 1, &whole));
+    e.check(l4d_encoder_set(e.get(), L4D_ENC_CODEBOOK_SIZE, 4096));
+    e.set_list(L4D_ENC_STAGES, {1});
   }
   const l4d_gaussians view = scene.view();
   e.check(l4d_encoder_set_scene(e.get(), &view, &scene.timeline, &scene.placement));
@@ -94,16 +93,16 @@ std::vector<unsigned char> quantise(const l4d::io::Scene& scene, bool by_hand, u
   std::vector<unsigned char> file = e.encode();
   const double total = seconds_since(started);
   double vq = 0;
-  const char* name = nullptr;
-  double seconds = 0;
-  for (uint32_t i = 0; l4d_encoder_get_step(e.get(), i, &name, &seconds) == L4D_OK; ++i) {
-    if (std::strstr(name, "_vq") != nullptr) vq += seconds;
+  l4d_encode_report report = L4D_INIT(l4d_encode_report);
+  e.check(l4d_encoder_get_report(e.get(), &report));
+  for (uint32_t i = 0; i < report.num_steps; ++i) {
+    if (std::strstr(report.steps[i].name, "_vq") != nullptr) vq += report.steps[i].seconds;
   }
   std::printf("| %s | %s | %.2f | %.2f | %zu |\n",
               by_hand ? "one stage of 4096, RCQ where it pays" : "preset indexed",
               backend == L4D_BACKEND_CUDA ? "device" : "host", vq, total, file.size());
-  for (uint32_t i = 0; l4d_encoder_get_step(e.get(), i, &name, &seconds) == L4D_OK; ++i) {
-    std::printf("  %s %.3f", name, seconds);
+  for (uint32_t i = 0; i < report.num_steps; ++i) {
+    std::printf("  %s %.3f", report.steps[i].name, report.steps[i].seconds);
   }
   std::puts("");
   return file;

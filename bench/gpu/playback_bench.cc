@@ -7,6 +7,8 @@
 // --fps: frames per second of the sequence, 60 unless given; frames are drawn as fast as they come,
 // not at that pace. --seconds: how much of the sequence is played, all unless given.
 #include <cuda_runtime_api.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -19,7 +21,7 @@
 #include <vector>
 
 #include "io/camera/cameras.h"
-#include "l4d/cuda_player.h"
+#include "l4d/experimental/cuda_player.h"
 #include "l4d/l4d.hpp"
 
 namespace {
@@ -57,8 +59,7 @@ Timing timing_of(std::vector<double> seconds) {
 // Cameras around what is visible in the middle of the sequence.
 std::vector<l4d_camera> cameras_of(const DecoderHandle& decoder) {
   const l4d_info info = decoder.info();
-  l4d_query query;
-  l4d_query_init(&query);
+  l4d_query query = L4D_INIT(l4d_query);
   query.kind = L4D_QUERY_TIME;
   query.time_begin = info.timeline.time_begin + 0.5 * info.duration;
   const GaussianArrays now = decoder.decode(query);
@@ -72,13 +73,30 @@ std::vector<l4d_camera> cameras_of(const DecoderHandle& decoder) {
   return cameras;
 }
 
+l4d_reader reader_of(std::FILE* file) {
+  l4d_reader r = L4D_INIT(l4d_reader);
+  r.user = file;
+  r.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
+    return pread(fileno(static_cast<std::FILE*>(user)), dst, n, static_cast<off_t>(offset));
+  };
+  r.size = [](void* user) -> int64_t {
+    struct stat s {};
+    return fstat(fileno(static_cast<std::FILE*>(user)), &s) == 0 ? s.st_size : -1;
+  };
+  return r;
+}
+
 class Playback {
  public:
   explicit Playback(const char* path) {
-    decoder_.check(l4d_decoder_open_file(decoder_.get(), path));
+    decoder_.open_file(path);
     cameras_ = cameras_of(decoder_);
+    file_ = std::fopen(path, "rb");
     before_ = device_memory_in_use();
-    const l4d_status status = l4d_cuda_player_create(decoder_.get(), nullptr, &player_);
+    const l4d_reader reader = reader_of(file_);
+    l4d_cuda_player_options options = L4D_INIT(l4d_cuda_player_options);
+    options.reader = &reader;
+    const l4d_status status = l4d_cuda_player_create(&options, &player_);
     if (status != L4D_OK) {
       std::fprintf(stderr, "%s: %s\n", path, l4d_status_name(status));
       std::exit(1);
@@ -86,7 +104,7 @@ class Playback {
     must(l4d_cuda_player_reserve(player_, kWidth, kHeight, 3 << 20));
     void* rgba8 = nullptr;
     check(cudaMalloc(&rgba8, size_t{kWidth} * kHeight * 4));
-    l4d_cuda_image_init(&image_);
+    image_ = L4D_INIT(l4d_cuda_image);
     image_.rgba8 = static_cast<uint32_t*>(rgba8);
     int lowest = 0, highest = 0;
     check(cudaDeviceGetStreamPriorityRange(&lowest, &highest));
@@ -94,6 +112,7 @@ class Playback {
   }
   ~Playback() {
     l4d_cuda_player_destroy(player_);
+    std::fclose(file_);
     cudaFree(image_.rgba8);
     cudaStreamDestroy(stream_);
   }
@@ -102,7 +121,7 @@ class Playback {
 
   void must(l4d_status status) const {
     if (status == L4D_OK) return;
-    std::fprintf(stderr, "%s\n", l4d_cuda_player_error_message(player_));
+    std::fprintf(stderr, "%s\n", l4d_last_error_message());
     std::exit(1);
   }
   // Seconds from the call until the image is there.
@@ -113,15 +132,14 @@ class Playback {
     check(cudaStreamSynchronize(stream_));
     return seconds_since(begin);
   }
+  void seek(double time) const { must(l4d_cuda_player_seek(player_, time)); }
   l4d_cuda_frame_stats stats() const {
-    l4d_cuda_frame_stats f;
-    l4d_cuda_frame_stats_init(&f);
+    l4d_cuda_frame_stats f = L4D_INIT(l4d_cuda_frame_stats);
     must(l4d_cuda_player_get_stats(player_, stream_, &f));
     return f;
   }
   l4d_cuda_player_counters counters() const {
-    l4d_cuda_player_counters c;
-    l4d_cuda_player_counters_init(&c);
+    l4d_cuda_player_counters c = L4D_INIT(l4d_cuda_player_counters);
     must(l4d_cuda_player_get_counters(player_, &c));
     return c;
   }
@@ -130,6 +148,7 @@ class Playback {
 
  private:
   DecoderHandle decoder_;
+  std::FILE* file_ = nullptr;
   std::vector<l4d_camera> cameras_;
   uint64_t before_ = 0;
   l4d_cuda_player* player_ = nullptr;
@@ -144,6 +163,7 @@ void play(const char* path, double fps, double limit, int seeks) {
   const auto frames = static_cast<size_t>(std::max(1.0, std::floor(length * fps)));
   // The first frames make room for themselves.
   for (size_t k = 0; k < 60; ++k) p.frame(begin + static_cast<double>(k) / fps, 0);
+  p.seek(begin);
   const l4d_cuda_player_counters warm = p.counters();
   std::vector<double> seconds;
   double visible = 0;
@@ -165,9 +185,9 @@ void play(const char* path, double fps, double limit, int seeks) {
       "its pace); ms a frame: median %.3f, 99th percentile %.3f, most %.3f\n",
       fps, frames, static_cast<double>(frames) / all, length / all, t.median, t.p99, t.most);
   std::printf(
-      "  %llu windows, %llu waited for (%.1f ms in all); %llu Gaussians decoded, %.1f MB "
+      "  %llu frames, %llu waited for (%.1f ms in all); %llu Gaussians decoded, %.1f MB "
       "uploaded\n",
-      static_cast<unsigned long long>(c.windows - warm.windows),
+      static_cast<unsigned long long>(c.frames - warm.frames),
       static_cast<unsigned long long>(c.stalls - warm.stalls),
       1e3 * (c.stall_seconds - warm.stall_seconds),
       static_cast<unsigned long long>(c.gaussians_decoded - warm.gaussians_decoded),

@@ -23,8 +23,8 @@
 #include "io/ply/scene_ply.h"
 #include "io/synth/synth.h"
 #include "l4d/cuda.h"
-#include "l4d/cuda_render.h"
-#include "l4d/render.hpp"
+#include "l4d/experimental/cuda_render.h"
+#include "l4d/experimental/sensitivity.hpp"
 
 namespace {
 
@@ -49,6 +49,7 @@ struct Bench {
   io::Scene scene;
   std::vector<l4d_camera> cameras;
   Array<float> position, mean_t, log_scale, rotor, opacity, sh;
+  Array<uint32_t> window;
   l4d_gaussians device;
   double rate;
 
@@ -60,6 +61,7 @@ struct Bench {
         rotor(scene.rotor),
         opacity(scene.opacity),
         sh(scene.sh),
+        window(scene.window.empty() ? std::vector<uint32_t>(2) : scene.window),
         device(scene.view()),
         rate(copy) {
     for (const io::Camera& c : io::orbit_cameras(scene, 8, kWidth, kHeight).cameras) {
@@ -71,6 +73,8 @@ struct Bench {
     device.rotor = rotor.get();
     device.opacity = opacity.get();
     device.sh = sh.get();
+    if (!scene.window.empty()) device.window = window.get();
+    device.mean_t_double = nullptr;  // of the host
   }
 
   double time_of(int k) const {
@@ -86,11 +90,10 @@ void stages(const Bench& bench, l4d_cuda_renderer* r, const l4d_cuda_image& imag
   double sums[L4D_RENDER_PASS_COUNT] = {};
   double visible = 0, projected = 0, instances = 0;
   constexpr int kFrames = 64;
-  l4d_cuda_frame_stats f;
-  l4d_cuda_frame_stats_init(&f);
+  l4d_cuda_frame_stats f = L4D_INIT(l4d_cuda_frame_stats);
   for (int k = 0; k < kFrames; ++k) {
-    must(r, l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &image, stream));
-    must(r, l4d_cuda_renderer_get_stats(r, stream, &f));
+    must(l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &image, stream));
+    must(l4d_cuda_renderer_get_stats(r, stream, &f));
     for (int s = 0; s < L4D_RENDER_PASS_COUNT; ++s) sums[s] += f.seconds[s] / kFrames;
     visible += static_cast<double>(f.visible) / kFrames;
     projected += static_cast<double>(f.projected) / kFrames;
@@ -122,7 +125,7 @@ void print(const char* what, const Timing& t) {
 void one_frame(const Bench& bench, l4d_cuda_renderer* r, const l4d_cuda_image& image,
                cudaStream_t stream) {
   const auto one = [&] {
-    must(r, l4d_cuda_renderer_render(r, 1.0, &bench.camera_of(0), &image, stream));
+    must(l4d_cuda_renderer_render(r, 1.0, &bench.camera_of(0), &image, stream));
   };
   one();
   check(cudaStreamSynchronize(stream));
@@ -145,20 +148,18 @@ struct Destroy {
 using Renderer = std::unique_ptr<l4d_cuda_renderer, Destroy>;
 
 Renderer make_renderer(const Bench& bench, uint32_t format, bool timed) {
-  l4d_cuda_renderer_options options;
-  l4d_cuda_renderer_options_init(&options);
+  l4d_cuda_renderer_options options = L4D_INIT(l4d_cuda_renderer_options);
   options.sh_format = format;
   options.time_passes = timed;
   l4d_cuda_renderer* r = nullptr;
   if (l4d_cuda_renderer_create(&options, &r) != L4D_OK) std::exit(1);
-  must(r, l4d_cuda_renderer_set_gaussians(r, &bench.device, nullptr, &bench.scene.timeline));
-  l4d_cuda_frame_capacity capacity;
-  l4d_cuda_frame_capacity_init(&capacity);
+  must(l4d_cuda_renderer_set_gaussians(r, &bench.device, nullptr, &bench.scene.timeline));
+  l4d_cuda_frame_capacity capacity = L4D_INIT(l4d_cuda_frame_capacity);
   capacity.width = kWidth;
   capacity.height = kHeight;
   capacity.visible = bench.scene.count();
   capacity.instances = 6 * bench.scene.count();
-  must(r, l4d_cuda_renderer_reserve(r, &capacity));
+  must(l4d_cuda_renderer_reserve(r, &capacity));
   return Renderer(r);
 }
 
@@ -169,25 +170,22 @@ void forward(const Bench& bench, uint32_t format) {
   check(cudaStreamCreate(&stream));
   const Array<float> rgb(3 * size_t{kWidth} * kHeight);
   const Array<uint32_t> rgba8(size_t{kWidth} * kHeight);
-  l4d_cuda_image image;
-  l4d_cuda_image_init(&image);
+  l4d_cuda_image image = L4D_INIT(l4d_cuda_image);
   image.rgb = rgb.get();
   const bool half = format == L4D_CUDA_SH_FLOAT16;
   const auto frame = [&](int k) {
-    must(r, l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &image, stream));
+    must(l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &image, stream));
   };
   std::printf("\n## %zu Gaussians, SH in %s\n", bench.scene.count(),
               half ? "binary16" : "binary32");
   print("forward, another instant each", time_runs(kRuns, stream, frame));
   print("forward, one instant", time_runs(kRuns, stream, [&](int k) {
-          must(r, l4d_cuda_renderer_render(r, 1.0, &bench.camera_of(k), &image, stream));
+          must(l4d_cuda_renderer_render(r, 1.0, &bench.camera_of(k), &image, stream));
         }));
-  l4d_cuda_image bytes;
-  l4d_cuda_image_init(&bytes);
+  l4d_cuda_image bytes = L4D_INIT(l4d_cuda_image);
   bytes.rgba8 = rgba8.get();
   print("forward to RGBA8", time_runs(kRuns, stream, [&](int k) {
-          must(r,
-               l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &bytes, stream));
+          must(l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &bytes, stream));
         }));
   frame(0);
   one_frame(bench, r, image, stream);
@@ -197,15 +195,13 @@ void forward(const Bench& bench, uint32_t format) {
 
 void sensitivity(const Bench& bench, const std::vector<l4d_camera>& cameras, int instants,
                  const char* name) {
-  l4d_renderer_options options;
-  l4d_renderer_options_init(&options);
+  l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
   options.backend = L4D_BACKEND_CUDA;
   RendererHandle renderer(&options);
   renderer.set_gaussians(bench.scene.view(), bench.scene.timeline);
   for (const uint32_t metric : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
     for (const bool visibility_only : {false, true}) {
-      l4d_sensitivity_options o;
-      l4d_sensitivity_options_init(&o);
+      l4d_sensitivity_options o = L4D_INIT(l4d_sensitivity_options);
       o.metric = metric;
       if (visibility_only && metric != L4D_SENSITIVITY_SUM) continue;
       SensitivityHandle sums(&o, bench.scene.count(), bench.scene.sh_degree);

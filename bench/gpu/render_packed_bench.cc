@@ -18,6 +18,7 @@
 #include "io/camera/cameras.h"
 #include "io/scene/scene.h"
 #include "l4d/cuda.h"
+#include "l4d/experimental/cuda_packed.h"
 #include "l4d/l4d.hpp"
 
 namespace {
@@ -52,23 +53,19 @@ struct Stream {
     const l4d_info info = decoder.info();
     timeline = info.timeline;
     const size_t terms = (info.sh_degree + 1) * (info.sh_degree + 1);
-    l4d_query query;
-    l4d_query_init(&query);
+    l4d_query query = L4D_INIT(l4d_query);
     for (uint32_t s = 0; s < L4D_MAX_STAGES; ++s) {
-      l4d_codebook codebook;
-      l4d_codebook_init(&codebook);
+      l4d_codebook codebook = L4D_INIT(l4d_codebook);
       must_decode(
           l4d_cuda_decoder_get_codebook(cuda, 0, L4D_COMPONENT_SH, s, L4D_NO_BLOCK, &codebook));
       if (codebook.entries != nullptr) codebooks.push_back(codebook);
     }
-    l4d_cuda_request request;
-    l4d_cuda_request_init(&request);
+    l4d_cuda_request request = L4D_INIT(l4d_cuda_request);
     request.forms = L4D_CUDA_FORM_EXPANDED | L4D_CUDA_FORM_PACKED;
     must_decode(l4d_cuda_decoder_prepare(cuda, &query, &request));
     const size_t n = static_cast<size_t>(request.num_gaussians);
     const Array<unsigned char> workspace(static_cast<size_t>(request.workspace_bytes));
-    l4d_cuda_gaussian_buffers out;
-    l4d_cuda_gaussian_buffers_init(&out);
+    l4d_cuda_gaussian_buffers out = L4D_INIT(l4d_cuda_gaussian_buffers);
     out.capacity = n;
     gaussians = {};
     gaussians.struct_size = sizeof gaussians;
@@ -80,11 +77,13 @@ struct Stream {
           from = to = array<float>(a.numbers(info.sh_degree) * n);
         },
         out, gaussians);
+    if ((info.tools & L4D_TOOL_FLAT_WINDOWS) != 0) {
+      gaussians.window = out.window = array<uint32_t>(2 * n);
+    }
     must_decode(
         l4d_cuda_decoder_decode(cuda, &out, workspace.get(), request.workspace_bytes, nullptr));
     must_decode(l4d_cuda_decoder_finish(cuda));
-    l4d_cuda_packed_buffers packed;
-    l4d_cuda_packed_buffers_init(&packed);
+    l4d_cuda_packed_buffers packed = L4D_INIT(l4d_cuda_packed_buffers);
     packed.capacity = n;
     l4d_cuda_packed_component& sh = packed.component[L4D_COMPONENT_SH];
     sh = {array<uint8_t>(n), array<uint16_t>(codebooks.size() * n), array<uint16_t>(3 * terms * n),
@@ -96,7 +95,7 @@ struct Stream {
     for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       must_decode(l4d_cuda_decoder_get_num_escapes(cuda, c, &escapes[c]));
     }
-    l4d_cuda_sh_indices_init(&indices);
+    indices = L4D_INIT(l4d_cuda_sh_indices);
     indices.depth = sh.depth;
     indices.index = sh.index;
     indices.stride = n;
@@ -124,12 +123,11 @@ struct Stream {
   }
   void must_decode(l4d_status status) const {
     if (status == L4D_OK) return;
-    std::fprintf(stderr, "%s\n", l4d_cuda_decoder_error_message(cuda));
+    std::fprintf(stderr, "%s\n", l4d_last_error_message());
     std::exit(1);
   }
   void place_cameras(const l4d_info& info) {
-    l4d_query query;
-    l4d_query_init(&query);
+    l4d_query query = L4D_INIT(l4d_query);
     const GaussianArrays host = decoder.decode(query);
     io::Scene scene;
     scene.timeline = info.timeline;
@@ -144,32 +142,30 @@ struct Stream {
 class Rendering {
  public:
   Rendering(const Stream& stream, uint32_t format, bool indexed, bool timed) : stream_(stream) {
-    l4d_cuda_renderer_options options;
-    l4d_cuda_renderer_options_init(&options);
+    l4d_cuda_renderer_options options = L4D_INIT(l4d_cuda_renderer_options);
     options.sh_format = format;
     options.time_passes = timed;
     if (l4d_cuda_renderer_create(&options, &r_) != L4D_OK) std::exit(1);
     const size_t before = free_memory();
     const l4d_gaussians& g = stream.gaussians;
     if (indexed) {
-      must(r_, l4d_cuda_renderer_set_sh_codebooks(r_, stream.codebooks.data(),
-                                                  static_cast<uint32_t>(stream.codebooks.size())));
+      must(l4d_cuda_renderer_set_sh_codebooks(r_, stream.codebooks.data(),
+                                              static_cast<uint32_t>(stream.codebooks.size())));
       l4d_gaussians geometry = g;
       geometry.sh = nullptr;
-      must(r_, l4d_cuda_renderer_set_gaussians(r_, &geometry, &stream.indices, &stream.timeline));
+      must(l4d_cuda_renderer_set_gaussians(r_, &geometry, &stream.indices, &stream.timeline));
     } else {
-      must(r_, l4d_cuda_renderer_set_gaussians(r_, &g, nullptr, &stream.timeline));
+      must(l4d_cuda_renderer_set_gaussians(r_, &g, nullptr, &stream.timeline));
     }
     bytes_ = static_cast<double>(before - free_memory()) / static_cast<double>(g.count);
-    l4d_cuda_frame_capacity capacity;
-    l4d_cuda_frame_capacity_init(&capacity);
+    l4d_cuda_frame_capacity capacity = L4D_INIT(l4d_cuda_frame_capacity);
     capacity.width = kWidth;
     capacity.height = kHeight;
     capacity.visible = g.count;
     capacity.instances = 6 * g.count;
-    must(r_, l4d_cuda_renderer_reserve(r_, &capacity));
+    must(l4d_cuda_renderer_reserve(r_, &capacity));
     check(cudaStreamCreate(&on_));
-    l4d_cuda_image_init(&image_);
+    image_ = L4D_INIT(l4d_cuda_image);
     image_.rgb = rgb_.get();
   }
   ~Rendering() {
@@ -190,13 +186,12 @@ class Rendering {
         largest = std::max(largest, std::fabs(static_cast<double>(a[i] - b[i])));
       }
     }
-    l4d_cuda_frame_stats f;
-    l4d_cuda_frame_stats_init(&f);
+    l4d_cuda_frame_stats f = L4D_INIT(l4d_cuda_frame_stats);
     constexpr int kFrames = 64;
     double project = 0, visible = 0;
     for (int k = 0; k < kFrames; ++k) {
       timed.frame(k);
-      must(timed.r_, l4d_cuda_renderer_get_stats(timed.r_, timed.on_, &f));
+      must(l4d_cuda_renderer_get_stats(timed.r_, timed.on_, &f));
       project += f.seconds[L4D_RENDER_PASS_PROJECT] / kFrames;
       visible += static_cast<double>(f.visible) / kFrames;
     }
@@ -209,7 +204,7 @@ class Rendering {
 
  private:
   void frame(int k) const {
-    must(r_, l4d_cuda_renderer_render(r_, stream_.time_of(k), &stream_.camera_of(k), &image_, on_));
+    must(l4d_cuda_renderer_render(r_, stream_.time_of(k), &stream_.camera_of(k), &image_, on_));
   }
   std::vector<float> image(int k) const {
     frame(k);

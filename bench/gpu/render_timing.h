@@ -10,7 +10,7 @@
 #include <cstdlib>
 #include <vector>
 
-#include "l4d/cuda_render.h"
+#include "l4d/experimental/cuda_render.h"
 
 namespace l4d::bench {
 
@@ -66,9 +66,9 @@ Timing time_runs(int runs, cudaStream_t stream, const Run& run) {
           static_cast<double>(ms[ms.size() - 1 - ms.size() / 100])};
 }
 
-inline void must(l4d_cuda_renderer* r, l4d_status status) {
+inline void must(l4d_status status) {
   if (status == L4D_OK) return;
-  std::fprintf(stderr, "%s\n", l4d_cuda_renderer_error_message(r));
+  std::fprintf(stderr, "%s\n", l4d_last_error_message());
   std::exit(1);
 }
 

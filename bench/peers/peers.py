@@ -28,7 +28,7 @@ INTRODUCTION = """\
 
 `./dev bench peers` makes this page. It installs the versions of meshoptimizer, Draco and
 splat-transform named below from npm into `build/peers`, and leaves out packages that it cannot
-install.
+install. Formats of moving scenes, as `.4dgs`, are not in it: npm has no writer of them.
 """
 
 

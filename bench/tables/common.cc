@@ -69,36 +69,27 @@ std::vector<float> sh_weights(const WeightedScene& scene) {
 
 EncoderHandle make_encoder(const WeightedScene& s, const std::vector<float>& sh, const char* preset,
                            uint32_t threads) {
-  l4d_encoder_options options;
-  l4d_encoder_options_init(&options);
+  l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
   options.threads = threads;
   EncoderHandle encoder(&options);
   encoder.check(l4d_encoder_set_preset(encoder.get(), preset));
   const l4d_gaussians view = s.scene.view();
   encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &s.scene.timeline, &s.scene.placement));
-  const auto set = [&](uint32_t which, const std::vector<float>& w) {
-    if (!w.empty()) {
-      encoder.check(l4d_encoder_set_weights(encoder.get(), which, w.data(), w.size()));
-    }
-  };
-  set(L4D_WEIGHT_SH, sh);
-  set(L4D_WEIGHT_SCALE, s.weights.scale);
-  set(L4D_WEIGHT_ROTOR_SPATIAL, s.weights.rotor_spatial);
-  set(L4D_WEIGHT_ROTOR_TEMPORAL, s.weights.rotor_temporal);
-  set(L4D_WEIGHT_ALPHA_T, s.weights.alpha_t);
+  l4d_importance importance = s.weights.view();
+  importance.count = s.scene.count();  // of none, too
+  importance.weights[L4D_WEIGHT_SH] = sh.empty() ? nullptr : sh.data();
+  encoder.check(l4d_encoder_set_importance(encoder.get(), &importance));
   return encoder;
 }
 
 l4d_encode_report report_of(const EncoderHandle& encoder) {
-  l4d_encode_report report;
-  l4d_encode_report_init(&report);
+  l4d_encode_report report = L4D_INIT(l4d_encode_report);
   encoder.check(l4d_encoder_get_report(encoder.get(), &report));
   return report;
 }
 
 l4d_query whole_query() {
-  l4d_query query;
-  l4d_query_init(&query);
+  l4d_query query = L4D_INIT(l4d_query);
   return query;
 }
 

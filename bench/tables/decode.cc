@@ -12,6 +12,7 @@
 
 #include "bench/tables/common.h"
 #include "io/synth/synth.h"
+#include "l4d/experimental/packed.h"
 
 namespace {
 
@@ -32,8 +33,7 @@ constexpr Target kTargets[] = {
 using File = std::vector<unsigned char>;
 
 DecoderHandle open(const File& file, uint32_t backend, uint32_t threads) {
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   options.backend = backend;
   options.threads = threads;
   DecoderHandle d(&options);
@@ -61,8 +61,7 @@ double packed(const File& file, size_t count) {
   std::vector<uint16_t> position(3 * count), mean(count), opacity(count), factor(count);
   std::vector<uint16_t> index[L4D_COMPONENT_COUNT];
   DecoderHandle d = open(file, L4D_BACKEND_CPU, 1);
-  l4d_packed_buffers b;
-  l4d_packed_buffers_init(&b);
+  l4d_packed_buffers b = L4D_INIT(l4d_packed_buffers);
   b.capacity = count;
   b.position = position.data();
   b.mean_t = mean.data();
@@ -92,7 +91,7 @@ void print_preset(const char* preset, const File& file) {
       positions);
   const l4d_query whole = whole_query();
   l4d_query base = whole;
-  base.detail = L4D_DETAIL_BASE_COLOR;
+  base.point.detail = L4D_DETAIL_BASE_COLOR;
   std::printf("| %s | %.2f | %.1f | %.1f | %.1f | %.1f | ", preset,
               static_cast<double>(file.size()) / static_cast<double>(n),
               expanded(file, whole, all, n, L4D_BACKEND_CPU, 1),
@@ -153,7 +152,7 @@ void print_targets(const File& file) {
   const size_t n = arrays.count();
   const l4d_query whole = whole_query();
   l4d_query base = whole;
-  base.detail = L4D_DETAIL_BASE_COLOR;
+  base.point.detail = L4D_DETAIL_BASE_COLOR;
   std::puts(
       "\nThe preset default, one thread, million Gaussians a second:\n"
       "\n| target | all | base colours |\n|---|---:|---:|");
@@ -182,8 +181,7 @@ void run(const char* name, const WeightedScene& scene) {
   for (const char* preset : kPresets) {
     EncoderHandle encoder = make_encoder(scene, weights, preset);
     if (has_indices(preset)) {
-      encoder.check(
-          l4d_encoder_set(encoder.get(), L4D_ENC_PROFILE, L4D_ALL_COMPONENTS, L4D_PROFILE_INDEXED));
+      encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_PROFILE, L4D_PROFILE_INDEXED));
     }
     File file = encoder.encode();
     print_preset(preset, file);

@@ -4,6 +4,7 @@
 
 #include "bench/tables/common.h"
 #include "io/synth/synth.h"
+#include "l4d/experimental/inspect.h"
 
 namespace {
 
@@ -49,8 +50,7 @@ int main() {
     options.effects = row.effects;
     const WeightedScene scene{io::synthesize(options), {}};
     const std::vector<unsigned char> file = make_encoder(scene, {}, "small").encode();
-    l4d_decoder_options one_thread;
-    l4d_decoder_options_init(&one_thread);
+    l4d_decoder_options one_thread = L4D_INIT(l4d_decoder_options);
     one_thread.threads = 1;
     DecoderHandle d(&one_thread);
     d.open_memory(file.data(), file.size());
@@ -62,8 +62,7 @@ int main() {
     const l4d_query query = whole_query();
     const double decode =
         time_median(7, [&] { d.check(l4d_decoder_decode(d.get(), &query, &out)); });
-    l4d_splat_buffers splats;
-    l4d_splat_buffers_init(&splats);
+    l4d_splat_buffers splats = L4D_INIT(l4d_splat_buffers);
     std::vector<float> p(3 * a.count()), c(6 * a.count()), o(a.count()), sh(a.sh.size());
     splats.capacity = a.count();
     splats.position = p.data();

@@ -27,11 +27,9 @@ void run(const char* name, const WeightedScene& scene, const std::vector<float>&
   std::puts("| step | seconds |\n|---|---|");
   double quantisation = 0;
   for (uint32_t i = 0; i < r.num_steps; ++i) {
-    const char* step = nullptr;
-    double s = 0;
-    e.check(l4d_encoder_get_step(e.get(), i, &step, &s));
-    std::printf("| %s | %.2f |\n", step, s);
-    const std::string text = step;
+    const double s = r.steps[i].seconds;
+    const std::string text = r.steps[i].name;
+    std::printf("| %s | %.2f |\n", text.c_str(), s);
     if (text != "prepare" && text != "check" && text != "write") quantisation += s;
   }
   std::printf("| VQ, RCQ and SQ together | %.2f |\n| all | %.2f |\n", quantisation,

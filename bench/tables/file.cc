@@ -34,8 +34,7 @@ struct Arrays {
   std::vector<std::vector<float>> all;
 
   l4d_gaussian_buffers buffers(size_t count, uint32_t sh_degree) {
-    l4d_gaussian_buffers b;
-    l4d_gaussian_buffers_init(&b);
+    l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
     b.capacity = count;
     l4d::for_each_decoded(
         [&](const l4d::AttributeInfo& a, float*& to) {
@@ -49,8 +48,8 @@ struct Arrays {
 
 double cpu_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
-bool report(const char* path, const l4d_decoder* decoder) {
-  std::fprintf(stderr, "%s: %s\n", path, l4d_decoder_error_message(decoder));
+bool report(const char* path) {
+  std::fprintf(stderr, "%s: %s\n", path, l4d_last_error_message());
   return false;
 }
 
@@ -74,8 +73,7 @@ double speed(l4d_decoder* decoder, const l4d_query& query, l4d_gaussian_buffers 
 }
 
 bool print_file(const char* path, int runs) {
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   options.threads = 1;
   options.backend = L4D_BACKEND_CPU;
   l4d_decoder* made = nullptr;
@@ -84,24 +82,21 @@ bool print_file(const char* path, int runs) {
     return false;
   }
   const Decoder decoder(made);
-  l4d_info info;
-  l4d_info_init(&info);
-  if (l4d_decoder_open_file(made, path) != L4D_OK) return report(path, made);
-  if (l4d_decoder_get_info(made, &info) != L4D_OK) return report(path, made);
+  l4d_info info = L4D_INIT(l4d_info);
+  if (l4d_decoder_open_file(made, path) != L4D_OK) return report(path);
+  if (l4d_decoder_get_info(made, &info) != L4D_OK) return report(path);
   Arrays arrays;
   const l4d_gaussian_buffers all =
       arrays.buffers(static_cast<size_t>(info.num_gaussians), info.sh_degree);
-  l4d_gaussian_buffers positions;
-  l4d_gaussian_buffers_init(&positions);
+  l4d_gaussian_buffers positions = L4D_INIT(l4d_gaussian_buffers);
   positions.capacity = all.capacity;
   positions.position = all.position;
-  l4d_query full;
-  l4d_query_init(&full);
+  l4d_query full = L4D_INIT(l4d_query);
   l4d_query base = full;
-  base.detail = L4D_DETAIL_BASE_COLOR;
+  base.point.detail = L4D_DETAIL_BASE_COLOR;
   const double results[] = {speed(made, full, all, runs), speed(made, base, all, runs),
                             speed(made, full, positions, runs)};
-  if (*std::min_element(std::begin(results), std::end(results)) == 0) return report(path, made);
+  if (*std::min_element(std::begin(results), std::end(results)) == 0) return report(path);
   std::printf("| %s | %llu | %llu | %.1f | %.1f | %.1f |\n", path,
               static_cast<unsigned long long>(info.num_gaussians),
               static_cast<unsigned long long>(info.file_bytes), results[0], results[1], results[2]);

@@ -66,11 +66,8 @@ class Bench {
   // bound: of positions in sizes, 0 = the preset's.
   void print(double quality, double bound) {
     EncoderHandle encoder = make_encoder(scene_, {}, "default");
-    const auto set = [&](l4d_encoder_parameter p, double value) {
-      encoder.check(l4d_encoder_set(encoder.get(), p, L4D_ALL_COMPONENTS, value));
-    };
-    set(L4D_ENC_QUALITY, quality);
-    if (bound > 0) set(L4D_ENC_MAX_POSITION_ERROR, bound);
+    encoder.set(L4D_ENC_QUALITY, quality);
+    if (bound > 0) encoder.set(L4D_ENC_MAX_POSITION_ERROR, bound);
     const std::vector<unsigned char> file = encoder.encode();
     std::vector<uint32_t> order(static_cast<size_t>(report_of(encoder).coded_gaussians));
     encoder.check(l4d_encoder_get_order(encoder.get(), order.data(), order.size()));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What it costs to cut a scene into members (session.h): bytes, and fidelity over instants at the
-// borders and in the middle of each member, of the basketball scene and of a synthetic one of a
-// minute. Prints Markdown. tables_members [basketball | synth] [QUALITY]
+// What it costs to cut a scene into members (experimental/session.h): bytes, and fidelity over
+// instants at the borders and in the middle of each member, of the basketball scene and of a
+// synthetic one of a minute. Prints Markdown. tables_members [basketball | synth] [QUALITY]
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -14,8 +14,8 @@
 #include "eval/decoded_scene.h"
 #include "io/camera/cameras.h"
 #include "io/synth/synth.h"
+#include "l4d/experimental/session.h"
 #include "l4d/render.hpp"
-#include "l4d/session.h"
 #include "libl4dcodec/scene/attributes.h"
 
 namespace {
@@ -51,8 +51,7 @@ int append(void* user, const void* src, size_t n) {
 }
 
 l4d_reader reader_of(const Bytes& bytes) {
-  l4d_reader reader;
-  l4d_reader_init(&reader);
+  l4d_reader reader = L4D_INIT(l4d_reader);
   reader.user = const_cast<Bytes*>(&bytes);
   reader.size = [](void* user) { return static_cast<int64_t>(static_cast<Bytes*>(user)->size()); };
   reader.read_at = [](void* user, void* dst, size_t n, uint64_t at) {
@@ -67,33 +66,30 @@ l4d_reader reader_of(const Bytes& bytes) {
 
 Recorded record(const EncoderHandle& encoder, const l4d_timeline& timeline, double segment) {
   Recorded out;
-  l4d_session_options options;
-  l4d_session_options_init(&options);
+  l4d_session_options options = L4D_INIT(l4d_session_options);
   options.segment_seconds = segment;
+  options.has_end = 1;
   options.end = timeline.time_begin + io::duration(timeline);
   l4d_session* session = nullptr;
   encoder.check(l4d_session_create(encoder.get(), &options, &session));
   const std::unique_ptr<l4d_session, void (*)(l4d_session*)> owner(session, &l4d_session_destroy);
   encoder.check(l4d_session_add(session));
-  l4d_writer writer;
-  l4d_writer_init(&writer);
+  l4d_writer writer = L4D_INIT(l4d_writer);
   writer.user = &out.bytes;
   writer.write = &append;
   for (;;) {
-    l4d_member member;
-    l4d_member_init(&member);
+    l4d_member member = L4D_INIT(l4d_member);
     encoder.check(l4d_session_encode(session, &writer, &member));
     if (member.bytes == 0) break;
   }
   const l4d_reader reader = reader_of(out.bytes);
   l4d_members* list = nullptr;
   if (l4d_members_open(&reader, nullptr, &list) != L4D_OK) std::abort();
-  l4d_members_info info;
-  l4d_members_info_init(&info);
+  l4d_members_info info = L4D_INIT(l4d_members_info);
   l4d_members_get_info(list, &info);
   for (uint64_t i = 0; i < info.count; ++i) {
     Piece p;
-    l4d_member_init(&p.member);
+    p.member = L4D_INIT(l4d_member);
     uint64_t count = 0;
     l4d_members_get(list, i, &p.member);
     p.needs.resize(p.member.num_needs);
@@ -105,8 +101,7 @@ Recorded record(const EncoderHandle& encoder, const l4d_timeline& timeline, doub
 }
 
 eval::DecodedScene decode(const Bytes& bytes, const l4d_member& member) {
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   options.accept_needs = 1;
   DecoderHandle decoder(&options);
   decoder.open_memory(bytes.data() + member.offset, static_cast<size_t>(member.bytes));
@@ -148,8 +143,7 @@ class Bench {
     sh_ = sh_weights(scene_);
     encoder_ = std::make_unique<EncoderHandle>(make_encoder(scene_, sh_, "default"));
     if (quality > 0) {
-      encoder_->check(
-          l4d_encoder_set(encoder_->get(), L4D_ENC_QUALITY, L4D_ALL_COMPONENTS, quality));
+      encoder_->check(l4d_encoder_set(encoder_->get(), L4D_ENC_QUALITY, quality));
     }
     original_.set_gaussians(scene_.scene.view(), scene_.scene.timeline);
     const Bytes whole = encoder_->encode();

@@ -7,6 +7,9 @@
 #include <map>
 
 #include "bench/tables/common.h"
+#include "l4d/experimental/inspect.h"
+#include "l4d/experimental/packed.h"
+#include "l4d/experimental/parameters.h"
 
 namespace {
 
@@ -16,7 +19,7 @@ using namespace l4d::bench;
 struct Scheme {
   const char* name;
   uint32_t codebook;
-  std::vector<float> sh, geometry;
+  std::vector<double> sh, geometry;
   bool paper_thresholds;
 };
 
@@ -46,8 +49,7 @@ Entropies measure(const std::vector<unsigned char>& file) {
   std::vector<l4d_bucket_span> spans(static_cast<size_t>(s.num_spans));
   std::array<std::vector<uint16_t>, L4D_COMPONENT_COUNT> index;
   std::array<std::vector<uint8_t>, L4D_COMPONENT_COUNT> depth;
-  l4d_packed_buffers b;
-  l4d_packed_buffers_init(&b);
+  l4d_packed_buffers b = L4D_INIT(l4d_packed_buffers);
   b.capacity = n;
   b.opacity = opacity.data();
   b.scale_factor = factor.data();
@@ -119,16 +121,14 @@ int main() {
   std::puts("|---|---|---|---|---|---|---|---|---|");
   for (const Scheme& s : schemes) {
     EncoderHandle e = make_encoder(scene, sh, "indexed");
-    e.check(l4d_encoder_set(e.get(), L4D_ENC_CODEBOOK_SIZE, L4D_ALL_COMPONENTS, s.codebook));
-    for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-      const std::vector<float>& f = c == L4D_COMPONENT_SH ? s.sh : s.geometry;
-      e.check(l4d_encoder_set_stages(e.get(), c, static_cast<uint32_t>(f.size()), f.data()));
-    }
+    e.set(L4D_ENC_CODEBOOK_SIZE, s.codebook);
+    e.set_list(L4D_ENC_STAGES, s.geometry);
+    e.set_list(L4D_ENC_STAGES ".sh", s.sh);
     if (s.paper_thresholds) {
-      const double threshold[] = {6e-7, 2e-7, 1e-6, 8e-6};
-      for (int c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-        e.check(l4d_encoder_set(e.get(), L4D_ENC_ESCAPE_THRESHOLD, c, threshold[c]));
-      }
+      e.set(L4D_ENC_ESCAPE_THRESHOLD ".sh", 6e-7);
+      e.set(L4D_ENC_ESCAPE_THRESHOLD ".scale", 2e-7);
+      e.set(L4D_ENC_ESCAPE_THRESHOLD ".rotor-spatial", 1e-6);
+      e.set(L4D_ENC_ESCAPE_THRESHOLD ".rotor-temporal", 8e-6);
     }
     const std::vector<unsigned char> file = e.encode();
     const l4d_encode_report r = report_of(e);

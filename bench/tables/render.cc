@@ -50,8 +50,7 @@ Result run(RendererHandle& renderer, const std::vector<l4d_camera>& cameras,
 }
 
 RendererHandle make_renderer(uint32_t path, uint32_t exponential, uint32_t threads) {
-  l4d_renderer_options options;
-  l4d_renderer_options_init(&options);
+  l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
   options.backend = path;
   options.exponential = exponential;
   options.threads = threads;

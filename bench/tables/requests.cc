@@ -37,8 +37,7 @@ struct Network {
     std::copy_n(file->data() + offset, n, static_cast<unsigned char*>(dst));
   }
   l4d_reader reader() {
-    l4d_reader r;
-    l4d_reader_init(&r);
+    l4d_reader r = L4D_INIT(l4d_reader);
     r.user = this;
     r.block_bytes = block;
     r.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {

@@ -15,8 +15,7 @@ struct CountingReader {
   const std::vector<unsigned char>* file;
   uint64_t reads = 0, bytes = 0;
   l4d_reader reader() {
-    l4d_reader r;
-    l4d_reader_init(&r);
+    l4d_reader r = L4D_INIT(l4d_reader);
     r.user = this;
     r.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
       auto* self = static_cast<CountingReader*>(user);
@@ -69,8 +68,7 @@ int main() {
       bytes += counting.bytes - open_bytes;
       selection = d.select(time_query(t));
       visible += d.slice(t).count();
-      l4d_counters counters;
-      l4d_counters_init(&counters);
+      l4d_counters counters = L4D_INIT(l4d_counters);
       d.check(l4d_decoder_get_counters(d.get(), &counters));
       memory = std::max(memory, counters.peak_memory_bytes);
       levels = d.info().num_layers;

@@ -25,7 +25,7 @@ struct Arrays {
   std::vector<const float*> rows;
   l4d_splat_buffers buffers;
   explicit Arrays(size_t n) : position(3 * n), covariance(6 * n), opacity(n), rows(n) {
-    l4d_splat_buffers_init(&buffers);
+    buffers = L4D_INIT(l4d_splat_buffers);
     buffers.capacity = n;
     buffers.position = position.data();
     buffers.covariance = covariance.data();
@@ -52,8 +52,7 @@ void print_row(const char* name, const std::vector<std::string>& effects, uint64
   options.static_gaussians = still;
   const WeightedScene scene{io::synthesize(options), {}};
   const std::vector<unsigned char> file = make_encoder(scene, {}, "default").encode();
-  l4d_decoder_options decoding;
-  l4d_decoder_options_init(&decoding);
+  l4d_decoder_options decoding = L4D_INIT(l4d_decoder_options);
   decoding.threads = 1;
   DecoderHandle d(&decoding);
   d.open_memory(file.data(), file.size());
@@ -70,8 +69,7 @@ void print_row(const char* name, const std::vector<std::string>& effects, uint64
   const double whole = slice(false), kept = slice(true);
   const size_t n = static_cast<size_t>(arrays.buffers.count);
   const double copied = copy_seconds(arrays, n);
-  l4d_renderer_options rendering;
-  l4d_renderer_options_init(&rendering);
+  l4d_renderer_options rendering = L4D_INIT(l4d_renderer_options);
   rendering.threads = 1;
   RendererHandle renderer(&rendering);
   renderer.set_decoder(d);
@@ -90,8 +88,7 @@ void print_player(const std::vector<unsigned char>& file, uint32_t threads) {
   std::vector<double> first, next, seek;
   size_t visible = 0;
   for (int k = 0; k < kOpenings; ++k) {
-    l4d_decoder_options decoding;
-    l4d_decoder_options_init(&decoding);
+    l4d_decoder_options decoding = L4D_INIT(l4d_decoder_options);
     decoding.threads = threads;
     DecoderHandle d(&decoding);
     d.open_memory(file.data(), file.size());

@@ -58,27 +58,23 @@ struct Bench {
     original = render_all(renderer, cameras, scene.scene.timeline);
   }
 
-  void print(const char* name, const std::vector<float>& shares) {
+  void print(const char* name, const std::vector<double>& shares) {
     EncoderHandle encoder = make_encoder(scene, sh, "default");
-    encoder.check(
-        l4d_encoder_set_tiers(encoder.get(), static_cast<uint32_t>(shares.size()), shares.data()));
+    encoder.set_list(L4D_ENC_TIERS, shares);
     const std::vector<unsigned char> file = encoder.encode();
     for (uint32_t tier = 0; tier <= shares.size(); ++tier) {
       for (const uint32_t detail : {L4D_DETAIL_BASE_COLOR, L4D_DETAIL_FULL}) {
         DecoderHandle decoder;
         decoder.open_memory(file.data(), file.size());
-        decoder.set_detail(detail);
-        decoder.set_layers(UINT32_MAX, tier);
+        const l4d_operating_point point = {0, tier + 1, detail, 0};
         l4d_query query = whole_query();
-        query.max_tier = tier;
-        query.detail = detail;
+        query.point = point;
         const l4d_selection selection = decoder.select(query);
         query = time_query(scene.scene.timeline.time_begin);
-        query.max_tier = tier;
-        query.detail = detail;
+        query.point = point;
         const l4d_selection first = decoder.select(query);
         RendererHandle renderer;
-        renderer.set_decoder(decoder);
+        renderer.set_decoder(decoder, point);
         const double fidelity = psnr(original, render_all(renderer, cameras, scene.scene.timeline));
         std::printf("| %s | %u | %s | %llu | %.1f | %.1f | %.1f | %.1f |\n", name, tier,
                     detail == L4D_DETAIL_FULL ? "full" : "base colour",

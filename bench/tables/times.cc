@@ -10,6 +10,7 @@
 
 #include "bench/tables/common.h"
 #include "io/synth/synth.h"
+#include "l4d/experimental/inspect.h"
 #include "libl4dcodec/scene/slice.h"
 
 namespace {
@@ -66,8 +67,7 @@ void print_row(const std::string& name, const WeightedScene& scene, const char* 
   std::vector<double> error;
   size_t displaced = 0;
   for (const l4d_bucket_span& r : a.spans) {
-    l4d_layer_info layer;
-    l4d_layer_info_init(&layer);
+    l4d_layer_info layer = L4D_INIT(l4d_layer_info);
     d.check(l4d_decoder_get_layer_info(d.get(), r.layer, &layer));
     if (layer.permanent != 0) continue;
     for (uint64_t i = r.first; i < r.first + r.count; ++i) {

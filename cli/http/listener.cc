@@ -3,9 +3,12 @@
 
 #include <microhttpd.h>
 #include <netinet/in.h>
+#include <strings.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cctype>
 #include <chrono>
 #include <cstring>
 #include <memory>
@@ -19,7 +22,7 @@
 namespace l4d::cli {
 namespace {
 
-constexpr size_t kPiece = size_t{16} << 10;
+constexpr size_t kReceived = size_t{16} << 10;
 
 // What the callbacks of a running server share.
 struct Running {
@@ -82,13 +85,39 @@ HttpAnswer refusal(int status, const char* why) {
   return answer;
 }
 
+// RFC 9110, 5.6.2.
+bool is_token(const std::string& name) {
+  constexpr char kMarks[] = "!#$%&'*+-.^_`|~";
+  return !name.empty() && std::all_of(name.begin(), name.end(), [&](unsigned char c) {
+    return std::isalnum(c) != 0 || (c != 0 && std::strchr(kMarks, c) != nullptr);
+  });
+}
+
+// Whether readers may disagree on where the request ends: what one takes for its body is another
+// request to the other (RFC 9112, 11.2).
+bool is_ambiguous(const HttpRequest& request) {
+  for (const auto& [name, value] : request.headers) {
+    if (!is_token(name)) return true;
+    // The library makes one name of a folded line's name and value.
+    for (const char* framing : {"Content-Length", "Transfer-Encoding"}) {
+      const size_t length = std::strlen(framing);
+      if (name.size() > length && strncasecmp(name.c_str(), framing, length) == 0) return true;
+    }
+  }
+  if (request.count("Content-Length") == 0) return false;
+  const std::string length = request.header("Content-Length");
+  return request.count("Content-Length") > 1 || length.empty() ||
+         length.find_first_not_of("0123456789") != std::string::npos;
+}
+
 bool has_body(const HttpRequest& request) {
-  return request.count("Transfer-Encoding") > 0 ||
+  return is_ambiguous(request) || request.count("Transfer-Encoding") > 0 ||
          request.header("Content-Length").find_first_not_of('0') != std::string::npos;
 }
 
 HttpAnswer answer_of(const Listener::Handler& handler, const HttpRequest& request) {
   if (request.headers.size() > Listener::kHeaderLines) return refusal(431, "too many headers");
+  if (is_ambiguous(request)) return refusal(400, "a header can be read in two ways");
   if (request.count("Host") > 1) return refusal(400, "several hosts");
   try {
     HttpAnswer answer = handler(request);
@@ -123,7 +152,7 @@ MHD_Response* response_of(HttpAnswer& answer, Connections& connections, Connecti
   const uint64_t size = answer.body->size();
   auto sending = std::make_unique<Sending>(Sending{connections, one, std::move(answer.body)});
   MHD_Response* response =
-      MHD_create_response_from_callback(size, kPiece, read_body, sending.get(), free_body);
+      MHD_create_response_from_callback(size, kReceived, read_body, sending.get(), free_body);
   if (response != nullptr) (void)sending.release();
   return response;
 }

@@ -5,7 +5,7 @@ namespace l4d::cli {
 namespace {
 
 // Inside '..' of zsh and, there, inside [..] or between ':' of _arguments.
-std::string escape(const std::string& text) {
+std::string zsh_escape(const std::string& text) {
   std::string result;
   for (const char c : text) {
     if (c == '\'') {
@@ -25,11 +25,11 @@ std::string message_and_action(const ManualOption& option) {
   if (!option.choices.empty()) {
     action = "(";
     for (const std::string& choice : option.choices) {
-      action += (action == "(" ? "" : " ") + escape(choice);
+      action += (action == "(" ? "" : " ") + zsh_escape(choice);
     }
     action += ")";
   }
-  return ":" + escape(option.value) + ":" + action;
+  return ":" + zsh_escape(option.value) + ":" + action;
 }
 
 // "'(-o --output)-o+[Stream to write]:FILE:_files'", one word for each name: '+' is a value in the
@@ -45,17 +45,17 @@ std::string specs(const ManualOption& option) {
     }
     std::string word = name;
     if (!option.value.empty()) word += name == option.short_name ? "+" : "=";
-    text += "        '" + except + word + "[" + escape(in_brief(option.description)) + "]" +
+    text += "        '" + except + word + "[" + zsh_escape(in_brief(option.description)) + "]" +
             message_and_action(option) + "' \\\n";
   }
   return text;
 }
 
-std::string case_of(const Manual& manual, const ManualVerb& verb) {
+std::string zsh_case(const Manual& manual, const ManualVerb& verb) {
   std::string text = "    " + verb.name + ")\n      _arguments -s -S \\\n";
   for (const ManualOption& option : options_of(manual, verb)) text += specs(option);
   for (const auto& [name, description] : verb.positionals) {
-    text += "        ':" + escape(name) + ":_files' \\\n";
+    text += "        ':" + zsh_escape(name) + ":_files' \\\n";
   }
   text.resize(text.size() - 3);  // the last word ends the command
   return text + "\n      ;;\n";
@@ -70,7 +70,7 @@ std::string zsh_completion(const Manual& manual) {
   text += function + "() {\n  local curcontext=$curcontext state line\n  local -A opt_args\n";
   text += "  local -a verbs=(\n";
   for (const ManualVerb& verb : manual.verbs) {
-    text += "    '" + escape(verb.name) + ":" + escape(verb.description) + "'\n";
+    text += "    '" + zsh_escape(verb.name) + ":" + zsh_escape(verb.description) + "'\n";
   }
   text += "    'help:Print the options of a command'\n  )\n";
   text +=
@@ -84,7 +84,7 @@ std::string zsh_completion(const Manual& manual) {
       "  curcontext=\"${curcontext%:*}-$words[1]:\"\n"
       "  case $words[1] in\n"
       "    help) _describe -t commands command verbs ;;\n";
-  for (const ManualVerb& verb : manual.verbs) text += case_of(manual, verb);
+  for (const ManualVerb& verb : manual.verbs) text += zsh_case(manual, verb);
   return text + "  esac\n}\n" + function + " \"$@\"\n";
 }
 

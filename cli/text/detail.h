@@ -22,6 +22,12 @@ inline uint32_t detail_id(const std::string& detail) {
   return detail == "base" ? L4D_DETAIL_BASE_COLOR : L4D_DETAIL_FULL;
 }
 
+// max_level, max_tier: UINT32_MAX = all.
+inline l4d_operating_point operating_point(uint32_t max_level, uint32_t max_tier,
+                                           const std::string& detail) {
+  return {max_level + 1, max_tier + 1, detail_id(detail), 0};
+}
+
 // Every verb that can leave out tiers calls it alike.
 inline void add_tier_option(Verb* verb, uint32_t& max_tier) {
   verb->add_option("--max-tier", max_tier,

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/text/levels.h"
 
+#include "l4d/experimental/inspect.h"
+
 namespace l4d::cli {
 
 l4d_level_limits limits_of_level(uint32_t level, uint32_t profile) {
-  l4d_level_limits limits;
-  l4d_level_limits_init(&limits);
+  l4d_level_limits limits = L4D_INIT(l4d_level_limits);
   l4d_get_level_limits(level, profile, &limits);
   return limits;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cli/common.h"
+#include "l4d/experimental/inspect.h"
 
 namespace l4d::cli {
 

@@ -12,7 +12,8 @@
 namespace l4d::cli {
 namespace {
 
-volatile std::sig_atomic_t interrupt_flag = 0;
+int32_t interrupt_flag = 0;
+static_assert(sizeof(std::sig_atomic_t) == sizeof(int32_t), "a handler may write it");
 
 bool stderr_draws_lines() {
   const char* term = std::getenv("TERM");
@@ -29,7 +30,7 @@ std::string format_eta(double seconds) {
 
 void install_interrupt_handler() {
   struct sigaction action {};
-  action.sa_handler = [](int) { interrupt_flag = 1; };
+  action.sa_handler = [](int) { *static_cast<volatile int32_t*>(&interrupt_flag) = 1; };
   // One shot: the second signal meets the default action. No SA_RESTART: a read that waits for a
   // pipe must return.
   action.sa_flags = static_cast<int>(SA_RESETHAND);
@@ -42,7 +43,9 @@ void install_interrupt_handler() {
   }
 }
 
-bool interrupted() { return interrupt_flag != 0; }
+bool interrupted() { return *static_cast<const volatile int32_t*>(&interrupt_flag) != 0; }
+
+const int32_t* interrupt_cell() { return &interrupt_flag; }
 
 void check_interrupt() {
   if (interrupted()) throw Failure(L4D_ERR_CANCELLED, "cancelled");

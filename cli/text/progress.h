@@ -14,6 +14,8 @@ namespace l4d::cli {
 // they clean up; a second one kills.
 void install_interrupt_handler();
 bool interrupted();
+// What is not 0 once a signal has come.
+const int32_t* interrupt_cell();
 // Throws where a signal has come: between steps that have no callback.
 void check_interrupt();
 

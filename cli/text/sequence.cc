@@ -13,12 +13,16 @@ constexpr size_t kMaxFrames = L4D_MAX_FRAMES;
 
 }  // namespace
 
-void NumberedName::refuse(const std::string& name) {
+std::optional<NumberedName> NumberedName::parse(const std::string& name) {
   try {
-    const NumberedName pattern(name, "");
+    return NumberedName(name, "");
   } catch (const Failure&) {
-    return;
+    return std::nullopt;
   }
+}
+
+void NumberedName::refuse(const std::string& name) {
+  if (!parse(name)) return;
   throw usage_error("--time is one instant, and '" + name + "' the name of a sequence");
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,8 @@ class NumberedName {
  public:
   // Throws a usage error that gives `example` where the pattern is none.
   NumberedName(const std::string& pattern, const std::string& example);
+  // Nothing where the name is no such pattern.
+  static std::optional<NumberedName> parse(const std::string& name);
   std::string operator()(size_t number) const;
   // Usage error where `name` is such a pattern, since it is to name one file.
   static void refuse(const std::string& name);

@@ -104,15 +104,6 @@ std::pair<std::string, std::string> parse_assignment(const std::string& text,
   return {text.substr(0, at), text.substr(at + 1)};
 }
 
-int32_t parse_component(const std::string& text, const std::string& option) {
-  if (text == "all") return L4D_ALL_COMPONENTS;
-  for (size_t c = 0; c < kComponentNames.size(); ++c) {
-    if (text == kComponentNames[c]) return static_cast<int32_t>(c);
-  }
-  throw usage_error(option + ": '" + text +
-                    "' is no component; they are sh, scale, rotor-spatial, rotor-temporal, all");
-}
-
 const char* component_name(uint32_t component) { return kComponentNames[component]; }
 
 std::string format_bytes(uint64_t bytes) { return io::text_of_bytes(bytes); }

@@ -20,8 +20,7 @@ double parse_seconds(const std::string& text, const std::string& option);
 // "key=value", split at the first '='.
 std::pair<std::string, std::string> parse_assignment(const std::string& text,
                                                      const std::string& option);
-// sh, scale, rotor-spatial, rotor-temporal, all -> L4D_COMPONENT_*, L4D_ALL_COMPONENTS.
-int32_t parse_component(const std::string& text, const std::string& option);
+// sh, scale, rotor-spatial, rotor-temporal.
 const char* component_name(uint32_t component);
 
 // "1 member", "3 members".

@@ -14,6 +14,7 @@
 #include "cli/verbs/compare_renders.h"
 #include "eval/min_sizes.h"
 #include "eval/pairing.h"
+#include "eval/seen_errors.h"
 
 namespace l4d::cli {
 namespace {
@@ -89,6 +90,16 @@ eval::Pairing pair_as_told(const io::Scene& a, const io::Scene& b,
   }
 }
 
+// Errors have the unit of a Gaussian's size, of which a stream states the least that it counts.
+// Where most of a scene is left out, or where a stream lies, that least size may exceed what A asks
+// for.
+void note_sizes(Context& context, const Input& b, double stated, double own) {
+  if (stated <= 2 * own) return;
+  context.note(b.name() + " counts sizes below " + format_number(stated) + " as that, which is " +
+               format_number(stated / own) +
+               " times what A asks for: errors in sizes are as many times smaller");
+}
+
 void compare_attributes(Context& context, const CompareArguments& arguments,
                         const std::vector<ErrorBound>& bounds, const Input& input_a,
                         const Input& input_b, Verdict& verdict) {
@@ -102,7 +113,7 @@ void compare_attributes(Context& context, const CompareArguments& arguments,
     Progress progress(context, "compare");
     progress.step("matching");
     const uint32_t threads = context.options.threads;
-    const LoadedScene* stream_a = input_a.is_ply() ? nullptr : &a;
+    const LoadedScene* stream_a = input_a.is_scene() ? nullptr : &a;
     std::vector<float> sizes;
     if (const io::CameraSet* cameras = arguments.cameras.load(context)) {
       sizes = eval::min_sizes(a.scene, *cameras, threads);
@@ -115,6 +126,7 @@ void compare_attributes(Context& context, const CompareArguments& arguments,
     return eval::compare_scenes(a.scene, b, std::move(pairing), threads, sizes, stream_a);
   }();
   check_interrupt();
+  note_sizes(context, input_b, comparison.min_size, eval::min_size(a.scene));
   begin(verdict, input_a, a.scene.count(), input_b, b.scene.count(), same_time);
   verdict.outcome.json.update(comparison_json(comparison));
   verdict.outcome.text += comparison_text(comparison);

@@ -131,9 +131,15 @@ Outcome run_concat(Context& context, const ConcatArguments& arguments) {
     const MemberFile file(context, inputs[i]);
     file.require_whole();
     note_signature(context, inputs[i], file);
-    if (i == 0 && arguments.begin.empty()) begin = file.begin();
+    if (!file.has_media()) {  // a recording that ended before its first segment
+      context.note(inputs[i].name() + " has no media member; it is left out");
+      continue;
+    }
+    if (chain.size() == 0 && arguments.begin.empty()) begin = file.begin();
     chain.add(inputs[i].name(), file);
   }
+  if (chain.size() == 0)
+    throw usage_error("none of the files has a media member: there is nothing to chain");
   Outcome outcome;
   outcome.stdout_is_data = output.is_stdout();
   const uint64_t bytes = chain.finish(output);

@@ -7,6 +7,7 @@
 #include "cli/text/progress.h"
 #include "cli/text/sequence.h"
 #include "cli/text/units.h"
+#include "l4d/experimental/copy.h"
 
 namespace l4d::cli {
 namespace {

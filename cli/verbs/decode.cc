@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <filesystem>
 #include <memory>
 
 #include "cli/arrays.h"
 #include "cli/common.h"
 #include "cli/files.h"
+#include "cli/instants.h"
 #include "cli/scene_source.h"
 #include "cli/text/detail.h"
 #include "cli/text/progress.h"
@@ -16,6 +18,7 @@ namespace l4d::cli {
 namespace {
 
 constexpr const char* kRawExtension = ".safetensors";
+constexpr const char* kBirthsExtension = ".4dgs";
 
 struct DecodeArguments {
   std::string input;
@@ -34,6 +37,13 @@ struct DecodeArguments {
   bool wants_arrays() const { return digest || format == "raw"; }
 };
 
+// Of a name that ends in .4dgs without --format, that one.
+std::string format_of_scene(const DecodeArguments& arguments) {
+  const bool is_default = arguments.format == "l4d";
+  const bool is_named = std::filesystem::path(arguments.output).extension() == kBirthsExtension;
+  return is_default && is_named ? "4dgs" : arguments.format;
+}
+
 // Arrays have the size of what was selected; ranges say how much of it came.
 void cut_to_ranges(LoadedScene& loaded) {
   size_t count = 0;
@@ -44,12 +54,9 @@ void cut_to_ranges(LoadedScene& loaded) {
 
 l4d_query make_query(Context& context, const DecodeArguments& arguments,
                      const l4d_timeline& timeline) {
-  l4d_query query;
-  l4d_query_init(&query);
+  l4d_query query = L4D_INIT(l4d_query);
   query.kind = L4D_QUERY_ALL;
-  query.max_level = arguments.max_level;
-  query.max_tier = arguments.max_tier;
-  query.detail = detail_id(arguments.detail);
+  query.point = operating_point(arguments.max_level, arguments.max_tier, arguments.detail);
   const auto seconds = [&](const std::string& text, const char* option) {
     return clamp_to_sequence(context, timeline, parse_seconds(text, option), option);
   };
@@ -110,13 +117,13 @@ Outcome run_arrays(Context& context, const DecodeArguments& arguments) {
     decoder.check(l4d_decoder_set_progress(decoder.get(), nullptr, nullptr));
     decode_seconds = decode_watch.seconds();
     losses.add(decoder);
+    losses.note(context, input.name(), static_cast<size_t>(arrays.count));
     check_interrupt();
     if (writes) {
       progress.step("writing");
-      write_raw(output->path(), arrays, stream.info());
+      write_raw(output->path(), arrays, decoder);
     }
   }
-  losses.note(context, input.name());
   if (writes) bytes = output->finish();
 
   Outcome outcome;
@@ -149,10 +156,12 @@ Outcome run_decode(Context& context, const DecodeArguments& arguments) {
   const Stopwatch watch;
   check(arguments);
   if (arguments.wants_arrays()) return run_arrays(context, arguments);
-  const std::string name = !arguments.output.empty()    ? arguments.output
-                           : arguments.format == "ftgs" ? derived_name(arguments.input, ".ftgs.ply")
-                                                        : derived_name(arguments.input, ".ply");
-  check_extension(name, "--output", {".ply"});
+  const std::string target = format_of_scene(arguments);
+  const std::string name = !arguments.output.empty() ? arguments.output
+                           : target == "ftgs"        ? derived_name(arguments.input, ".ftgs.ply")
+                           : target == "4dgs" ? derived_name(arguments.input, kBirthsExtension)
+                                              : derived_name(arguments.input, ".ply");
+  check_extension(name, "--output", {target == "4dgs" ? kBirthsExtension : ".ply"});
   arguments.import.check();
   context.files.add_input(arguments.input, kTheInput);
   Output output(context, name);
@@ -173,24 +182,27 @@ Outcome run_decode(Context& context, const DecodeArguments& arguments) {
     decode_seconds = decode_watch.seconds();
     losses.add(decoder);
     cut_to_ranges(loaded);
+    // Before the writers, which end by giving the file its name.
+    losses.note(context, input.name(), loaded.scene.count());
     check_interrupt();
     progress.step("writing");
-    if (arguments.format == "ftgs") {
-      io::write_ftgs_ply(output.path(), loaded.scene);
+    if (target == "ftgs") {
+      print_notes(context, io::write_ftgs_ply(output.path(), loaded.scene));
+    } else if (target == "4dgs") {
+      write_births(context, output.path(), loaded.scene);
     } else {
       io::write_l4d_ply(output.path(), loaded.scene);
     }
   }
-  losses.note(context, input.name());
-  const uint64_t bytes = output.finish();
   const size_t count = loaded.scene.count();
+  const uint64_t bytes = output.finish();
 
   Outcome outcome;
   outcome.stdout_is_data = output.is_stdout();
   outcome.json = {{"schema", "l4dcodec.decode/1"},
                   {"input", input.name()},
                   {"output", name},
-                  {"format", arguments.format},
+                  {"format", target},
                   {"detail", arguments.detail},
                   {"num_gaussians", count},
                   {"lossless", (stream.info().tools & L4D_TOOL_LOSSLESS) != 0},
@@ -212,15 +224,15 @@ void add_decode(Registry& registry) {
                         [arguments](Context& context) { return run_decode(context, *arguments); });
   verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
   verb->add_option("-o,--output", arguments->output,
-                   "PLY to write, '-' = stdout (default: input's name with .ply)")
+                   "PLY or .4dgs to write, '-' = stdout (default: input's name with .ply)")
       ->type_name("FILE");
-  verb->add_option(
-          "--format", arguments->format,
-          "l4d: every attribute, bit for bit where the stream is lossless; ftgs: "
-          "FreeTimeGS, converted; raw: arrays exactly as decoded, no PLY (input's name with "
-          ".safetensors)")
+  verb->add_option("--format", arguments->format,
+                   "l4d: every attribute, bit for bit where the stream is lossless; ftgs: "
+                   "FreeTimeGS, converted; 4dgs: .4dgs, rounded to its steps; raw: arrays exactly "
+                   "as decoded, no PLY (input's name with "
+                   ".safetensors)")
       ->type_name("NAME")
-      ->one_of({"l4d", "ftgs", "raw"})
+      ->one_of({"l4d", "ftgs", "4dgs", "raw"})
       ->capture_default_str();
   auto* time = verb->add_option("--time", arguments->time,
                                 "Only buckets that may be visible at this time: 2.5, 1:30")

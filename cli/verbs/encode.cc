@@ -10,6 +10,7 @@
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
 #include "cli/files.h"
+#include "cli/frame_files.h"
 #include "cli/scene_source.h"
 #include "cli/text/comparison_text.h"
 #include "cli/text/progress.h"
@@ -31,7 +32,9 @@ namespace {
 
 struct EncodeArguments {
   std::vector<std::string> inputs;
-  std::string input;  // the first of them
+  std::string input;                // the first of them
+  std::vector<std::string> frames;  // of a sequence, else empty
+  SequenceInputArguments sequence;
   std::string output;
   std::string weights;
   CameraArguments cameras;
@@ -56,6 +59,10 @@ struct EncodeArguments {
   bool has_all_views() const {
     return cameras.orbit == 0 && cameras.frames.empty() && cameras.ids.empty();
   }
+  uint32_t weight_views() const {
+    if (!measures()) return L4D_WEIGHT_VIEWS_UNKNOWN;
+    return has_all_views() ? L4D_WEIGHT_VIEWS_ALL : L4D_WEIGHT_VIEWS_SOME;
+  }
   // Of --live: more than one scene that is there.
   bool has_pieces() const {
     std::error_code error;
@@ -68,8 +75,8 @@ std::string refit_obstacle(const EncodeArguments& arguments, bool has_target) {
   const EncodeParameters& parameters = arguments.parameters;
   if (!arguments.measures()) return "needs --cameras or --orbit, without --weights";
   if (has_target) return "excludes targets";
-  if (arguments.no_prune || !parameters.prune_weight.empty() || parameters.sets("prune-weight") ||
-      parameters.sets("prune-cost") || parameters.sets("weight-views")) {
+  if (arguments.no_prune || !parameters.prune_weight.empty() ||
+      parameters.sets(L4D_ENC_PRUNE_WEIGHT) || parameters.sets(L4D_ENC_PRUNE_COST)) {
     return "excludes --no-prune and other parameters of pruning";
   }
   if (arguments.measure.metric != MeasureArguments::kDefault) return "needs --metric gauss-newton";
@@ -107,19 +114,15 @@ void check_importance(const EncodeArguments& arguments, const std::optional<eval
   }
 }
 
-// Tells the encoder what it needs to decide which Gaussians go, and people what it keeps for that.
+// Tells the encoder which Gaussians to keep, and people which it keeps because of the views.
 void tell_pruning(Context& context, const EncodeArguments& arguments,
                   const EncoderHandle& encoder) {
-  const auto set = [&](l4d_encoder_parameter id, double value) {
-    encoder.check(l4d_encoder_set(encoder.get(), id, L4D_ALL_COMPONENTS, value));
-  };
   if (arguments.no_prune) {
-    set(L4D_ENC_PRUNE_WEIGHT, -1);
-    set(L4D_ENC_PRUNE_COST, 0);
+    encoder.set(L4D_ENC_PRUNE_WEIGHT, -1);
+    encoder.set(L4D_ENC_PRUNE_COST, 0);
   }
   if (!arguments.measures()) return;
   const bool all = arguments.has_all_views();
-  set(L4D_ENC_WEIGHT_VIEWS, all ? L4D_WEIGHT_VIEWS_ALL : L4D_WEIGHT_VIEWS_SOME);
   if (arguments.no_prune || eval::get_parameter(encoder, L4D_ENC_PRUNE_WEIGHT) >= 0) return;
   const bool lossless = eval::get_parameter(encoder, L4D_ENC_LOSSLESS) != 0;
   if (all && !lossless) return;
@@ -201,15 +204,15 @@ void add_report(const l4d_encode_report& report, const std::string& name, double
              format_count(report.invalid_dropped).c_str(), format_count(report.pruned).c_str());
 }
 
-// What a decoder says of the stream that was written.
-l4d_info info_of(const eval::Encoding& encoding, const Output& output) {
+// A decoder of the stream that was written.
+DecoderHandle open_written(const eval::Encoding& encoding, const Output& output) {
   DecoderHandle decoder;
   if (encoding.stream.empty()) {
     decoder.open_file(output.path());
   } else {
     decoder.open_memory(encoding.stream.data(), encoding.stream.size());
   }
-  return decoder.info();
+  return decoder;
 }
 
 // Usage errors that need no file, and the target.
@@ -227,7 +230,7 @@ std::optional<eval::Target> check(Context& context, const EncodeArguments& argum
 }
 
 void register_inputs(Context& context, const EncodeArguments& arguments) {
-  context.files.add_input(arguments.input, kTheInput);
+  if (arguments.frames.empty()) context.files.add_input(arguments.input, kTheInput);
   if (!arguments.weights.empty()) context.files.add_input(arguments.weights, "--weights");
   arguments.cameras.load(context);
 }
@@ -270,7 +273,9 @@ LoadedScene load(Context& context, const EncodeArguments& arguments, const Input
                  bool may_be_empty = false, const l4d_presentation* before = nullptr) {
   ImportArguments import = arguments.import;
   import.may_be_empty = may_be_empty;
-  LoadedScene loaded = load_scene(context, input, import);
+  LoadedScene loaded = arguments.frames.empty()
+                           ? load_scene(context, input, import)
+                           : load_frames(context, arguments.frames, import, arguments.sequence);
   change_statements(arguments, &loaded.scene.rendering, &loaded.scene.presentation);
   state_first_view(context, arguments, before, &loaded.scene);
   return loaded;
@@ -314,8 +319,7 @@ struct Outputs {
 };
 
 EncoderHandle make_encoder(const Context& context, const EncodeArguments& arguments) {
-  l4d_encoder_options options;
-  l4d_encoder_options_init(&options);
+  l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
   options.threads = context.options.threads;
   options.backend = context.backend();
   options.seed = arguments.seed;
@@ -352,12 +356,9 @@ void keep_color_bounds(const EncodeArguments& arguments, const EncoderHandle& en
   fresh.check(l4d_encoder_set_preset(fresh.get(), arguments.parameters.preset.c_str()));
   const double below = eval::get_parameter(fresh, L4D_ENC_QUALITY) - fidelity;
   const double factor = std::pow(10.0, std::max(0.0, below) / 20);
-  for (const auto& [id, name] :
-       {std::pair(L4D_ENC_MAX_BASE_COLOR_ERROR, "max-base-color-error"),
-        std::pair(L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR, "max-directional-color-error")}) {
+  for (const char* name : {L4D_ENC_MAX_BASE_COLOR_ERROR, L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR}) {
     if (arguments.parameters.sets(name)) continue;
-    encoder.check(l4d_encoder_set(encoder.get(), id, L4D_ALL_COMPONENTS,
-                                  factor * eval::get_parameter(encoder, id)));
+    encoder.set(name, factor * eval::get_parameter(encoder, name));
   }
 }
 
@@ -377,18 +378,22 @@ uint32_t refit_passes(const EncodeArguments& arguments, bool has_target,
   return static_cast<uint32_t>(parse_size(arguments.refit, "--refit"));
 }
 
+constexpr const char* kMeasuredWeights = "measured weights";
+
 // Gives the encoder the weights of a file or of views. Returns what was measured.
 std::optional<Importance> set_weights(Context& context, const EncodeArguments& arguments,
                                       const Input& input, const io::Scene& scene,
                                       const EncoderHandle& encoder,
                                       const std::optional<Measuring>& measuring,
-                                      std::optional<Output>& saved, EncoderWeights& weights) {
+                                      std::optional<Output>& saved, EncoderImportance& told) {
+  const auto tell = [&](const std::string& name, io::Weights weights) {
+    told.set_weights(name, std::move(weights), arguments.weight_views(), scene.count());
+    about(name, [&] { told.tell(encoder); });
+  };
   if (!arguments.weights.empty()) {
-    weights.set(
-        encoder, arguments.weights,
-        about(arguments.weights,
-              [&] { return io::read_weights_ply(arguments.weights, context.budget().holder()); }),
-        scene.count());
+    tell(arguments.weights, about(arguments.weights, [&] {
+           return io::read_weights_ply(arguments.weights, context.budget().holder());
+         }));
   }
   if (!measuring) return std::nullopt;
   Importance importance = measure(context, input, scene, *measuring);
@@ -396,7 +401,7 @@ std::optional<Importance> set_weights(Context& context, const EncodeArguments& a
     io::write_weights_ply(saved->path(), importance.weights);
     saved->finish();
   }
-  weights.set(encoder, "measured weights", std::move(importance.weights), scene.count());
+  tell(kMeasuredWeights, std::move(importance.weights));
   return importance;
 }
 
@@ -412,7 +417,7 @@ eval::Encoding encode_once(Context& context, const EncoderHandle& encoder, const
                            const std::string& path, bool wants_order) {
   Progress progress(context, "encode");
   try {
-    return eval::encode_scene(progress, encoder, path, wants_order);
+    return eval::encode_scene(progress, encoder, path, wants_order, context.budget().holder());
   } catch (const Error& error) {
     // What fails about files is about the output, which the message names.
     throw current_failure(error.status() == L4D_ERR_IO ? "" : input.name());
@@ -472,11 +477,12 @@ Outcome describe(const EncodeArguments& arguments, const Input& input, const io:
 }
 
 void add_verification(Context& context, const io::Scene& scene, const std::string& path,
-                      const eval::Encoding& encoding, Outcome* outcome) {
+                      const std::vector<float>& min_sizes, const eval::Encoding& encoding,
+                      Outcome* outcome) {
   const Stopwatch watch;
   Progress progress(context, "verify");
   const eval::Comparison comparison =
-      eval::compare_encoding(decoding_of(context), progress, scene, path, encoding);
+      eval::compare_encoding(decoding_of(context, min_sizes), progress, scene, path, encoding);
   outcome->json["verify"] = comparison_json(comparison);
   outcome->json["verify"]["total_s"] = watch.seconds();
   outcome->text += "\nverified against the input: " + comparison_text(comparison);
@@ -485,8 +491,10 @@ void add_verification(Context& context, const io::Scene& scene, const std::strin
 void check_live(Context& context, const EncodeArguments& arguments, bool has_target) {
   arguments.live.check();
   if (!arguments.live.live) {
-    if (arguments.inputs.size() > 1) throw usage_error("more than one input needs --live");
     return;
+  }
+  if (arguments.sequence.given()) {
+    throw usage_error("--live excludes --match and --sequence-error");
   }
   if (has_target || !arguments.order.empty() || arguments.verify ||
       !arguments.save_weights.empty() || !arguments.refit.empty()) {
@@ -500,10 +508,10 @@ void check_live(Context& context, const EncodeArguments& arguments, bool has_tar
     throw usage_error("--output is needed for a folder");
 }
 
-// Gives the encoder a scene and what the cameras say of it. sizes: borrowed by the encoder.
+// Gives the encoder a scene and what the cameras say of it. told: borrowed by the encoder.
 // opacity: in place of the scene's, borrowed likewise; null = the scene's.
 void set_scene(Context& context, const EncodeArguments& arguments, const io::Scene& scene,
-               const EncoderHandle& encoder, std::vector<float>* sizes,
+               const EncoderHandle& encoder, EncoderImportance* told,
                const float* opacity = nullptr) {
   l4d_gaussians view = scene.view();
   if (opacity != nullptr) view.opacity = opacity;
@@ -512,8 +520,10 @@ void set_scene(Context& context, const EncodeArguments& arguments, const io::Sce
   encoder.check(l4d_encoder_set_presentation(encoder.get(), &scene.presentation));
   // Cameras that are made up say nothing of where the scene will be seen from.
   if (const io::CameraSet* cameras = arguments.cameras.load(context)) {
-    if (sizes->empty()) *sizes = eval::min_sizes(scene, *cameras, context.options.threads);
-    encoder.check(l4d_encoder_set_min_sizes(encoder.get(), sizes->data(), sizes->size()));
+    if (!told->has_min_sizes()) {
+      told->set_min_sizes(eval::min_sizes(scene, *cameras, context.options.threads));
+    }
+    told->tell(encoder);
   }
 }
 
@@ -534,12 +544,11 @@ Outcome run_live(Context& context, const EncodeArguments& arguments) {
       encoder.check(l4d_encoder_set_presentation(encoder.get(), &loaded.scene.presentation));
       return use(loaded.scene);
     }
-    std::vector<float> sizes;
-    about(piece.name(), [&] { set_scene(context, arguments, loaded.scene, encoder, &sizes); });
+    EncoderImportance told;
+    about(piece.name(), [&] { set_scene(context, arguments, loaded.scene, encoder, &told); });
     std::optional<Output> unused;
-    EncoderWeights weights;
     set_weights(context, arguments, piece, loaded.scene, encoder,
-                choose_measuring(context, arguments, loaded.scene), unused, weights);
+                choose_measuring(context, arguments, loaded.scene), unused, told);
     use(loaded.scene);
   };
   Outcome outcome = encode_live(context, arguments.live, arguments.inputs, name, {encoder, read});
@@ -547,11 +556,25 @@ Outcome run_live(Context& context, const EncodeArguments& arguments) {
   return outcome;
 }
 
-Outcome run_encode(Context& context, const EncodeArguments& arguments) {
+// The files of a sequence, if the inputs name one.
+void find_frames(Context& context, EncodeArguments* arguments) {
+  constexpr const char* kNeedsOutput = "--output is needed for a sequence of frames";
+  if (arguments->inputs.size() > 1 && arguments->output.empty()) throw usage_error(kNeedsOutput);
+  arguments->frames = frame_files(context, arguments->inputs);
+  if (arguments->frames.empty()) {
+    if (!arguments->sequence.given()) return;
+    throw usage_error("--match and --sequence-error need a sequence of frames");
+  }
+  if (arguments->output.empty()) throw usage_error(kNeedsOutput);
+  arguments->input = arguments->frames.front();
+}
+
+Outcome run_encode(Context& context, EncodeArguments& arguments) {
   const Stopwatch watch;
   const std::optional<eval::Target> target = check(context, arguments);
   check_live(context, arguments, target.has_value());
   if (arguments.live.live) return run_live(context, arguments);
+  find_frames(context, &arguments);
   register_inputs(context, arguments);
   if (context.group().helps()) {
     help_to_measure(context, arguments);
@@ -565,13 +588,12 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
   const uint32_t passes = refit_passes(arguments, target.has_value(), encoder);
   const LoadedScene loaded = load(context, arguments, input);
   const io::Scene& scene = loaded.scene;
-  std::vector<float> sizes;
-  about(input.name(), [&] { set_scene(context, arguments, scene, encoder, &sizes); });
+  EncoderImportance told;
+  about(input.name(), [&] { set_scene(context, arguments, scene, encoder, &told); });
   const double read_seconds = watch.seconds();
-  EncoderWeights weights;
   const std::optional<Measuring> measuring = choose_measuring(context, arguments, scene);
   const std::optional<Importance> importance =
-      set_weights(context, arguments, input, scene, encoder, measuring, outputs.weights, weights);
+      set_weights(context, arguments, input, scene, encoder, measuring, outputs.weights, told);
   eval::Encoding encoding;
   std::optional<CheckedStream> checked;
   const double fidelity = passes > 0 ? eval::get_parameter(encoder, L4D_ENC_QUALITY) : 0;
@@ -585,20 +607,19 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
     refit.emplace(context, input.name(),
                   RefitInput{scene, measuring->views, measuring->how, fidelity, passes,
                              arguments.has_all_views()},
-                  weights.get());
+                  told.weights());
     about(input.name(),
-          [&] { set_scene(context, arguments, scene, encoder, &sizes, refit->opacity().data()); });
-    weights.set(encoder, "measured weights", refit->weights(), scene.count());
+          [&] { set_scene(context, arguments, scene, encoder, &told, refit->opacity().data()); });
+    told.set_weights(kMeasuredWeights, refit->weights(), arguments.weight_views(), scene.count());
+    about(kMeasuredWeights, [&] { told.tell(encoder); });
     keep_color_bounds(arguments, encoder, fidelity);
-    for (const l4d_encoder_parameter id : {L4D_ENC_PRUNE_WEIGHT, L4D_ENC_PRUNE_COST}) {
-      encoder.check(l4d_encoder_set(encoder.get(), id, L4D_ALL_COMPONENTS, 0));
-    }
+    for (const char* name : {L4D_ENC_PRUNE_WEIGHT, L4D_ENC_PRUNE_COST}) encoder.set(name, 0);
   }
   std::optional<TargetReached> reached;
   if (target) {
     reached = about(input.name(), [&] {
       return encode_to_target(context, *target, encoder, input.name(), scene, arguments.cameras,
-                              &encoding);
+                              told.min_sizes(), &encoding);
     });
   } else if (refit) {
     about(input.name(), [&] { refit->encode(encoder, &encoding); });
@@ -608,14 +629,14 @@ Outcome run_encode(Context& context, const EncodeArguments& arguments) {
                            outputs.stream.is_special() ? "" : outputs.stream.path(), wants_order);
   }
   if (!encoding.stream.empty()) write_stream(outputs.stream.path(), encoding.stream);
-  arguments.parameters.note_unused(context, info_of(encoding, outputs.stream));
+  arguments.parameters.note_unused(context, open_written(encoding, outputs.stream));
   if (outputs.order) eval::write_order(outputs.order->path(), encoding.order);
   Outcome outcome =
       describe(arguments, input, scene, encoder, outputs.name,
                {encoding, importance, checked, refit, reached, read_seconds, watch.seconds()});
   outcome.stdout_is_data = outputs.stream.is_stdout();
   if (arguments.verify) {
-    add_verification(context, scene, outputs.stream.path(), encoding, &outcome);
+    add_verification(context, scene, outputs.stream.path(), told.min_sizes(), encoding, &outcome);
   }
   outputs.stream.finish();
   if (outputs.order) outputs.order->finish();
@@ -644,8 +665,9 @@ void add_encode(Registry& registry) {
   });
   verb->add_option(
           "input", arguments->inputs,
-          "Scene: PLY (l4d, 3DGS, FreeTimeGS, SpacetimeGaussians lite) or .l4d, '-' = stdin. "
-          "With --live: pieces of one, or a folder")
+          "Scene: PLY (l4d, 3DGS, FreeTimeGS, SpacetimeGaussians lite, Real-time-4DGS), raw arrays "
+          "or .l4d, '-' = stdin. A sequence of frames: several static scenes, a folder of them, or "
+          "a name with a %d as frame_%04d.ply. With --live: pieces of a scene, or a folder")
       ->required();
   verb->add_option("-o,--output", arguments->output,
                    "Stream to write, '-' = stdout (default: input's name with .l4d)")
@@ -699,6 +721,7 @@ void add_encode(Registry& registry) {
   arguments->parameters.add_options(verb);
   arguments->target.add_options(verb);
   add_import_options(verb, arguments->import, true);
+  add_sequence_input_options(verb, arguments->sequence);
   verb->footer(
       "Examples:\n"
       "  l4dcodec encode scene.ply -o scene.l4d\n"
@@ -706,6 +729,7 @@ void add_encode(Registry& registry) {
       "  l4dcodec encode scene.ply --weights weights.ply --target-size 3MB\n"
       "  l4dcodec encode scene.ply --cameras cameras.json --target-fidelity 42dB\n"
       "  l4dcodec encode scene.ply --weights weights.ply --prune-weight 0\n"
+      "  l4dcodec encode 'frame_%04d.ply' --fps 30 -o clip.l4d\n"
       "  l4dcodec encode --live pieces/ --playlist live.m3u8 -o live.l4d\n"
       "  l4dcodec encode scene.ply --preset indexed --codebook sh=8192 --stages all=1,0.5\n"
       "\n" +

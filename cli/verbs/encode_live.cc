@@ -10,7 +10,9 @@
 #include "cli/text/units.h"
 #include "cli/verbs/live_pieces.h"
 #include "cli/verbs/recording.h"
-#include "l4d/session.h"
+#include "eval/encoding.h"
+#include "eval/motion.h"
+#include "l4d/experimental/session.h"
 
 namespace l4d::cli {
 namespace {
@@ -22,7 +24,7 @@ class LiveSession {
  public:
   LiveSession(Context& context, const EncoderHandle& encoder, double segment)
       : encoder_(encoder), memory_(context.budget().take(context.session_memory(), "the session")) {
-    l4d_session_options_init(&options_);
+    options_ = L4D_INIT(l4d_session_options);
     options_.segment_seconds = segment;
     options_.max_memory_bytes = context.session_memory();
   }
@@ -32,7 +34,8 @@ class LiveSession {
 
   // last: no piece comes after it.
   void add(const io::Scene& scene, bool last, Recording* recording) {
-    if (last) options_.end = scene.timeline.time_begin + io::duration(scene.timeline);
+    options_.has_end = last ? 1 : 0;
+    options_.end = scene.timeline.time_begin + io::duration(scene.timeline);
     if (session_ == nullptr) {
       encoder_.check(l4d_session_create(encoder_.get(), &options_, &session_));
     }
@@ -42,8 +45,7 @@ class LiveSession {
     for (;;) {
       std::vector<uint8_t> bytes;
       const l4d_writer writer = writer_to(&bytes);
-      l4d_member member;
-      l4d_member_init(&member);
+      l4d_member member = L4D_INIT(l4d_member);
       encoder_.check(l4d_session_encode(session_, &writer, &member));
       if (member.bytes == 0) return;
       recording->add(bytes);
@@ -79,17 +81,30 @@ class GapNotes {
   std::optional<double> end_;  // s, of the last piece
 };
 
+// What `lossless` does not keep here.
+void note_faint(Context& context, const Input& piece, const io::Scene& scene) {
+  size_t faint = 0;
+  for (size_t i = 0; i < scene.count(); ++i) {
+    if (eval::linear_opacity(scene, i) < 1.0 / 255) ++faint;
+  }
+  if (faint == 0) return;
+  context.note(piece.name() + ": " + format_items(faint, "Gaussian") +
+               " of an opacity below 1/255 left out, which nothing draws");
+}
+
 // Codes pieces as long as they come, and counts them.
 void code_pieces(Context& context, LivePieces& pieces, const LiveEncoding& encoding,
                  LiveSession& session, Recording& recording, size_t* count) {
   Progress progress(context, "encode");
   GapNotes gaps(context);
+  const bool lossless = eval::get_parameter(encoding.encoder, L4D_ENC_LOSSLESS) != 0;
   while (const Input* piece = pieces.next()) {
     const auto code = [&](const io::Scene& scene) {
       encoding.encoder.check(
           l4d_encoder_set_progress(encoding.encoder.get(), &eval::Observer::callback, &progress));
       session.add(scene, pieces.is_one(), &recording);
       gaps.add(piece->name(), scene.timeline);
+      if (lossless) note_faint(context, *piece, scene);
     };
     encoding.read(*piece,
                   [&](const io::Scene& scene) { about(piece->name(), [&] { code(scene); }); });
@@ -105,7 +120,7 @@ void code_pieces(Context& context, LivePieces& pieces, const LiveEncoding& encod
   const Failure why = current_failure("");
   if (recording.members().empty()) throw why;
   std::string left = output + " ends at " + format_time(recording.end()) + " s, with the " +
-                     format_items(recording.members().size(), "member") + " that are whole";
+                     format_items(recording.members().size(), "whole member");
   try {
     recording.finish();
   } catch (...) {

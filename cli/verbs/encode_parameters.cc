@@ -6,84 +6,65 @@
 #include "cli/text/levels.h"
 #include "cli/text/units.h"
 #include "eval/encoding.h"
+#include "l4d/experimental/parameters.h"
 
 namespace l4d::cli {
 namespace {
 
-l4d_parameter_info describe(l4d_encoder_parameter id) {
-  l4d_parameter_info info;
-  l4d_parameter_info_init(&info);
-  if (l4d_encoder_parameter_info(id, &info) != L4D_OK) {
-    throw Failure(L4D_ERR_INTERNAL, "the library does not know its own parameters");
-  }
-  return info;
-}
-
-l4d_encoder_parameter find_parameter(const std::string& name) {
-  for (int id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) {
-    const auto parameter = static_cast<l4d_encoder_parameter>(id);
-    if (name == describe(parameter).name) return parameter;
-  }
-  throw usage_error("--set: '" + name + "' is no parameter; `l4dcodec encode --help` lists them");
-}
-
-void set(const EncoderHandle& encoder, l4d_encoder_parameter id, int32_t component,
-         const std::string& text, const std::string& option) {
-  // Suffixes make sense for counts only; other values may be negative or fractions.
-  const bool counts = describe(id).integer != 0 && !text.empty() && text[0] != '-';
-  const double value =
-      counts ? static_cast<double>(parse_size(text, option)) : parse_number(text, option);
-  about(option, [&] { encoder.check(l4d_encoder_set(encoder.get(), id, component, value)); });
-}
-
-// "--codebook sh=4096"
-void set_per_component(const EncoderHandle& encoder, l4d_encoder_parameter id,
-                       const std::vector<std::string>& texts, const std::string& option) {
-  for (const std::string& text : texts) {
-    const auto [name, value] = parse_assignment(text, option);
-    set(encoder, id, parse_component(name, option), value, option + " " + name);
-  }
-}
-
 // "1,0.5,0.25"
-std::vector<float> parse_list(const std::string& list, const std::string& option) {
-  std::vector<float> numbers;
+std::vector<double> parse_list(const std::string& list, const std::string& option) {
+  std::vector<double> numbers;
   for (size_t begin = 0; begin <= list.size();) {
     const size_t comma = std::min(list.find(',', begin), list.size());
-    numbers.push_back(static_cast<float>(parse_number(list.substr(begin, comma - begin), option)));
+    numbers.push_back(parse_number(list.substr(begin, comma - begin), option));
     begin = comma + 1;
   }
   return numbers;
 }
 
-void set_tiers(const EncoderHandle& encoder, const std::string& list, const std::string& option) {
-  const std::vector<float> shares = parse_list(list, option);
-  about(option, [&] {
-    encoder.check(
-        l4d_encoder_set_tiers(encoder.get(), static_cast<uint32_t>(shares.size()), shares.data()));
-  });
+// name: with or without a component. Throws what the library says of a wrong one.
+void set(const EncoderHandle& encoder, const std::string& name, const std::string& text,
+         const std::string& option) {
+  const std::string alone = name.substr(0, name.find('.'));
+  for (const l4d_parameter_info& info : eval::list_parameters()) {
+    if (alone != info.name) continue;
+    if (info.max_values > 1) {
+      const std::vector<double> values = parse_list(text, option);
+      return about(option, [&] { encoder.set_list(name, values); });
+    }
+    // Suffixes make sense for counts only; other values may be negative or fractions.
+    const bool counts = info.integer != 0 && !text.empty() && text[0] != '-';
+    const double value =
+        counts ? static_cast<double>(parse_size(text, option)) : parse_number(text, option);
+    return about(option, [&] { encoder.set(name, value); });
+  }
+  throw usage_error(option + ": `" + alone +
+                    "` is no parameter; `l4dcodec encode --help` lists them");
 }
 
-void set_stages(const EncoderHandle& encoder, const std::string& text) {
-  const auto [name, list] = parse_assignment(text, "--stages");
-  const std::vector<float> fractions = parse_list(list, "--stages " + name);
-  const int32_t component = parse_component(name, "--stages");
-  about("--stages " + name, [&] {
-    encoder.check(l4d_encoder_set_stages(
-        encoder.get(), component, static_cast<uint32_t>(fractions.size()), fractions.data()));
-  });
+// "--codebook sh=4096"
+void set_per_component(const EncoderHandle& encoder, const std::string& name,
+                       const std::vector<std::string>& texts, const std::string& option) {
+  for (const std::string& text : texts) {
+    const auto [component, value] = parse_assignment(text, option);
+    set(encoder, component == "all" ? name : name + "." + component, value,
+        option + " " + component);
+  }
 }
 
 // "--set page-size=4096", "--set codebook-size.sh=8192"
 void set_generic(const EncoderHandle& encoder, const std::string& text) {
-  const auto [target, value] = parse_assignment(text, "--set");
-  if (target == "tiers") return set_tiers(encoder, value, "--set tiers");
-  const size_t dot = target.find('.');
-  const l4d_encoder_parameter id = find_parameter(target.substr(0, dot));
-  const int32_t component = dot == std::string::npos
-                                ? L4D_ALL_COMPONENTS
-                                : parse_component(target.substr(dot + 1), "--set");
-  set(encoder, id, component, value, "--set " + target);
+  const auto [name, value] = parse_assignment(text, "--set");
+  set(encoder, name, value, "--set " + name);
+}
+
+std::string describe(const l4d_parameter_info& info) {
+  const std::string many = info.max_values > 1 ? format("up to %u of ", info.max_values) : "";
+  const std::string unit = info.unit[0] == '\0' ? "" : std::string(" ") + info.unit;
+  const std::string initial = info.max_values > 1 ? "" : ", default " + format_number(info.initial);
+  return std::string(info.description) + " (" + many + format_number(info.min) + ".." +
+         format_number(info.max) + unit + (info.per_component != 0 ? ", by component" : "") +
+         initial + ")";
 }
 
 }  // namespace
@@ -173,37 +154,34 @@ void EncodeParameters::apply(Context& context, const EncoderHandle& encoder) con
   encoder.check(l4d_encoder_set_preset(encoder.get(), preset.c_str()));
   if (!quality.empty()) {
     const double decibels = parse_decibels(quality, "--quality");
-    about("--quality", [&] {
-      encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_QUALITY, L4D_ALL_COMPONENTS, decibels));
-    });
+    about("--quality", [&] { encoder.set(L4D_ENC_QUALITY, decibels); });
   }
   if (!effort.empty()) {
-    cli::set(encoder, L4D_ENC_EFFORT, L4D_ALL_COMPONENTS, effort, "--effort");
+    cli::set(encoder, L4D_ENC_EFFORT, effort, "--effort");
   }
   set_per_component(encoder, L4D_ENC_CODEBOOK_SIZE, codebook, "--codebook");
-  for (const std::string& text : stages) set_stages(encoder, text);
-  if (!tiers.empty()) set_tiers(encoder, tiers, "--tiers");
+  set_per_component(encoder, L4D_ENC_STAGES, stages, "--stages");
+  if (!tiers.empty()) cli::set(encoder, L4D_ENC_TIERS, tiers, "--tiers");
   set_per_component(encoder, L4D_ENC_ESCAPE_THRESHOLD, escape_threshold, "--escape-threshold");
   if (!rcq.empty()) {
     const char* value = rcq == "never" ? "0" : rcq == "auto" ? "1" : "2";
-    cli::set(encoder, L4D_ENC_RCQ, L4D_ALL_COMPONENTS, value, "--rcq");
+    cli::set(encoder, L4D_ENC_RCQ, value, "--rcq");
   }
   if (!rcq_size.empty()) {
-    cli::set(encoder, L4D_ENC_RCQ_SIZE, L4D_ALL_COMPONENTS, rcq_size, "--rcq-size");
+    cli::set(encoder, L4D_ENC_RCQ_SIZE, rcq_size, "--rcq-size");
   }
   if (!prune_weight.empty()) {
-    cli::set(encoder, L4D_ENC_PRUNE_WEIGHT, L4D_ALL_COMPONENTS, prune_weight, "--prune-weight");
+    cli::set(encoder, L4D_ENC_PRUNE_WEIGHT, prune_weight, "--prune-weight");
   }
   if (!profile.empty()) {
-    cli::set(encoder, L4D_ENC_PROFILE, L4D_ALL_COMPONENTS,
-             std::to_string(parse_profile(profile, "--profile")), "--profile");
+    cli::set(encoder, L4D_ENC_PROFILE, std::to_string(parse_profile(profile, "--profile")),
+             "--profile");
   }
   if (!level.empty()) {
-    cli::set(encoder, L4D_ENC_LEVEL, L4D_ALL_COMPONENTS,
-             std::to_string(parse_level(level, "--level")), "--level");
+    cli::set(encoder, L4D_ENC_LEVEL, std::to_string(parse_level(level, "--level")), "--level");
   }
   if (drop_invalid) {
-    cli::set(encoder, L4D_ENC_DROP_INVALID, L4D_ALL_COMPONENTS, "1", "--drop-invalid");
+    cli::set(encoder, L4D_ENC_DROP_INVALID, "1", "--drop-invalid");
   }
   for (const std::string& text : set) set_generic(encoder, text);
   if (!quality.empty()) require_quality(encoder, "--quality");
@@ -216,11 +194,20 @@ void EncodeParameters::apply(Context& context, const EncoderHandle& encoder) con
   }
 }
 
-void EncodeParameters::note_unused(Context& context, const l4d_info& written) const {
-  if (rcq == "always" && (written.tools & L4D_TOOL_RCQ) == 0) {
+void EncodeParameters::note_unused(Context& context, const DecoderHandle& written) const {
+  if (rcq == "always" && (written.info().tools & L4D_TOOL_RCQ) == 0) {
     context.note(
         "--rcq always: no block codebooks were written; they take codebooks, layers of level 1 or "
         "above, and Gaussians there that are no escapes");
+  }
+  uint32_t last_tier = 0;
+  for (uint32_t l = 0; l < written.info().num_layers; ++l) {
+    last_tier = std::max(last_tier, written.layer_info(l).tier);
+  }
+  if (!tiers.empty() && last_tier == 0) {
+    context.note(
+        "--tiers: the stream has one tier; the others would have so few Gaussians that they joined "
+        "it");
   }
 }
 
@@ -246,14 +233,15 @@ std::string parameter_help() {
     text += format("  %-20s ", l4d_encoder_preset_name(i)) +
             wrap(l4d_encoder_preset_description(i), 23) + "\n";
   }
-  text += "\nParameters of --set, their range, C where a component can be named:\n";
-  for (int id = 0; id < L4D_ENC_PARAMETER_COUNT; ++id) {
-    const l4d_parameter_info info = describe(static_cast<l4d_encoder_parameter>(id));
-    const std::string range = format_number(info.min) + ".." + format_number(info.max);
-    text += format("  %-20s %-12s %-2s ", info.name, range.c_str(),
-                   info.per_component != 0 ? "C" : "") +
-            wrap(info.description, 39) + "\n";
-  }
+  const auto add = [&](const char* title, bool stable) {
+    text += title;
+    for (const l4d_parameter_info& info : eval::list_parameters()) {
+      if ((info.stable != 0) != stable) continue;
+      text += format("  %-28s ", info.name) + wrap(describe(info), 31) + "\n";
+    }
+  };
+  add("\nParameters of --set:\n", true);
+  add("\nExperimental ones, which may change with each version:\n", false);
   text.pop_back();
   return text;
 }

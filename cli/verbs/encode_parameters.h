@@ -30,7 +30,7 @@ struct EncodeParameters {
   // Notes options that change nothing with what else is set.
   void apply(Context& context, const EncoderHandle& encoder) const;
   // Says which of them a stream that was written shows nothing of.
-  void note_unused(Context& context, const l4d_info& written) const;
+  void note_unused(Context& context, const DecoderHandle& written) const;
   // Whether --set names this parameter.
   bool sets(const std::string& name) const;
   // Usage error of `option` where nothing follows the quality: codebooks and lossless streams.

@@ -13,12 +13,6 @@ namespace {
 // relative to the other components as the metric sum has them.
 constexpr float kShPerAlphaT = 0.6f;
 
-// The encoder has to know in which unit its weights are.
-void tell_measure(const EncoderHandle& encoder, bool gauss_newton) {
-  encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_WEIGHT_METRIC, L4D_ALL_COMPONENTS,
-                                gauss_newton ? 1 : 0));
-}
-
 }  // namespace
 
 void MeasureArguments::add_options(Verb* verb) {
@@ -95,28 +89,31 @@ std::string Importance::text() const {
   return t + format("\n%s Gaussians show in no view\n", format_count(report.unseen).c_str());
 }
 
-void EncoderWeights::set(const EncoderHandle& encoder, const std::string& name, io::Weights weights,
-                         size_t num_gaussians) {
-  weights_ = std::move(weights);
-  if (weights_.count != num_gaussians) {
-    throw Failure(L4D_ERR_INVALID_SCENE, name + ": has weights of " + format_count(weights_.count) +
+void EncoderImportance::set_weights(const std::string& name, io::Weights weights, uint32_t views,
+                                    size_t num_gaussians) {
+  if (weights.count != num_gaussians) {
+    throw Failure(L4D_ERR_INVALID_SCENE, name + ": has weights of " + format_count(weights.count) +
                                              " Gaussians, the scene has " +
                                              format_count(num_gaussians));
   }
+  weights_ = std::move(weights);
+  views_ = views;
   if (weights_.sh.empty() || weights_.sh_is_clamped) {
     weights_.sh.clear();
     if (!weights_.gauss_newton) {
       for (const float w : weights_.alpha_t) weights_.sh.push_back(kShPerAlphaT * w);
     }
   }
-  tell_measure(encoder, weights_.gauss_newton);
-  for (const auto& [which, column] : kWeightColumns) {
-    const std::vector<float>& values = weights_.*column;
-    if (values.empty()) continue;
-    about(name, [&, which = which] {
-      encoder.check(l4d_encoder_set_weights(encoder.get(), which, values.data(), values.size()));
-    });
+}
+
+void EncoderImportance::tell(const EncoderHandle& encoder) const {
+  l4d_importance importance = weights_.view();
+  importance.views = views_;
+  if (has_min_sizes()) {
+    importance.count = min_sizes_.size();
+    importance.min_sizes = min_sizes_.data();
   }
+  encoder.check(l4d_encoder_set_importance(encoder.get(), &importance));
 }
 
 }  // namespace l4d::cli

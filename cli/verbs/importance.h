@@ -37,32 +37,30 @@ struct Importance {
   Json json() const;
   std::string text() const;
 };
-// The weights that the encoder takes, and where they stand.
-inline constexpr std::pair<uint32_t, std::vector<float> io::Weights::*> kWeightColumns[] = {
-    {L4D_WEIGHT_ALPHA_T, &io::Weights::alpha_t},
-    {L4D_WEIGHT_SH, &io::Weights::sh},
-    {L4D_WEIGHT_SCALE, &io::Weights::scale},
-    {L4D_WEIGHT_ROTOR_SPATIAL, &io::Weights::rotor_spatial},
-    {L4D_WEIGHT_ROTOR_TEMPORAL, &io::Weights::rotor_temporal},
-    {L4D_WEIGHT_POSITION, &io::Weights::position},
-    {L4D_WEIGHT_OPACITY, &io::Weights::opacity},
-    {L4D_WEIGHT_MEAN_T, &io::Weights::mean_t}};
-
 // Weights of all components of the scene, as l4d_measure_importance has them. Throws in builds
 // without the renderer.
 Importance measure_importance(Context& context, const std::string& verb, const io::Scene& scene,
                               const eval::CameraViews& views, const MeasureArguments& arguments);
 
-// Weights in the form the encoder takes them: it borrows what this holds.
-class EncoderWeights {
+// The importance of a scene's Gaussians for the encoder, which borrows what this holds.
+class EncoderImportance {
  public:
-  // `name` stands for the weights in messages.
-  void set(const EncoderHandle& encoder, const std::string& name, io::Weights weights,
-           size_t num_gaussians);
-  const io::Weights& get() const { return weights_; }
+  // `name` stands for the weights in messages. views: L4D_WEIGHT_VIEWS_*.
+  void set_weights(const std::string& name, io::Weights weights, uint32_t views,
+                   size_t num_gaussians);
+  // [N] scene units.
+  void set_min_sizes(std::vector<float> sizes) { min_sizes_ = std::move(sizes); }
+  bool has_min_sizes() const { return !min_sizes_.empty(); }
+  const std::vector<float>& min_sizes() const { return min_sizes_; }
+  const io::Weights& weights() const { return weights_; }
+
+  // Tells an encoder that has the scene.
+  void tell(const EncoderHandle& encoder) const;
 
  private:
   io::Weights weights_;
+  uint32_t views_ = L4D_WEIGHT_VIEWS_UNKNOWN;
+  std::vector<float> min_sizes_;
 };
 
 }  // namespace l4d::cli

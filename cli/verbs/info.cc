@@ -15,6 +15,7 @@
 #include "cli/verbs/time_profile.h"
 #include "io/file/file.h"
 #include "io/scene/rendering_text.h"
+#include "l4d/experimental/inspect.hpp"
 
 namespace l4d::cli {
 namespace {
@@ -178,14 +179,12 @@ struct Seek {
 
 Seek seek_to(const DecoderHandle& decoder, double seconds, const std::string& detail,
              uint64_t codebook_bytes) {
-  l4d_query query;
-  l4d_query_init(&query);
+  l4d_query query = L4D_INIT(l4d_query);
   query.kind = L4D_QUERY_TIME;
   query.time_begin = query.time_end = seconds;
-  query.detail = detail_id(detail);
+  query.point.detail = detail_id(detail);
   const l4d_selection selection = decoder.select(query);
-  l4d_splat_buffers splats;
-  l4d_splat_buffers_init(&splats);
+  l4d_splat_buffers splats = L4D_INIT(l4d_splat_buffers);
   decoder.check(l4d_decoder_slice(decoder.get(), seconds, &splats));
   return {seconds, detail, selection, splats.count, codebook_bytes};
 }
@@ -210,13 +209,13 @@ Rung rung_of(const DecoderHandle& decoder, const char* kind, const l4d_query& qu
              uint64_t shared_bytes) {
   uint64_t sum = shared_bytes;
   for (size_t l = 0; l < layers.size(); ++l) {
-    const bool taken = layers[l].level <= query.max_level && layers[l].tier <= query.max_tier;
+    const bool taken = (query.point.levels == 0 || layers[l].level < query.point.levels) &&
+                       (query.point.tiers == 0 || layers[l].tier < query.point.tiers);
     if (taken) sum += layer_bytes[l];
   }
   const l4d_selection s = decoder.select(query);
-  const bool by_level = query.max_level != UINT32_MAX;
-  return {kind, by_level ? query.max_level : query.max_tier, sum - s.sh_bytes, sum,
-          s.num_gaussians};
+  const uint32_t last = (query.point.levels != 0 ? query.point.levels : query.point.tiers) - 1;
+  return {kind, last, sum - s.sh_bytes, sum, s.num_gaussians};
 }
 
 std::vector<Rung> read_rungs(const DecoderHandle& decoder,
@@ -231,16 +230,14 @@ std::vector<Rung> read_rungs(const DecoderHandle& decoder,
   for (size_t l = 0; l < layers.size(); ++l) {
     tiers.insert(layers[l].tier);
     if (l + 1 < layers.size() && layers[l + 1].level == layers[l].level) continue;
-    l4d_query query;
-    l4d_query_init(&query);
-    query.max_level = layers[l].level;
+    l4d_query query = L4D_INIT(l4d_query);
+    query.point.levels = layers[l].level + 1;
     rungs.push_back(rung_of(decoder, "level", query, layers, layer_bytes, shared));
   }
   for (const uint32_t tier : tiers) {
     if (tiers.size() == 1) break;
-    l4d_query query;
-    l4d_query_init(&query);
-    query.max_tier = tier;
+    l4d_query query = L4D_INIT(l4d_query);
+    query.point.tiers = tier + 1;
     rungs.push_back(rung_of(decoder, "tier", query, layers, layer_bytes, shared));
   }
   return rungs;
@@ -382,7 +379,7 @@ struct Facts {
 
   // Whether the input is more than the stream that the report is about.
   bool is_part() const { return file != nullptr && !file->is_plain(); }
-  uint64_t bytes() const { return input.is_ply() ? input.bytes() : info.file_bytes; }
+  uint64_t bytes() const { return input.is_scene() ? input.bytes() : info.file_bytes; }
   std::string name() const {
     if (!is_part()) return input.name();
     const l4d_member& first = file->members().front().member;
@@ -429,7 +426,7 @@ void add_summary(const Facts& facts, Outcome& outcome) {
                                      info.development != 0 ? " (development)" : "");
   std::string& t = outcome.text;
   t += format("%s: %s, %s, %.1f bits per Gaussian\n", facts.name().c_str(),
-              facts.input.is_ply() ? facts.stream.source().c_str() : version.c_str(),
+              facts.input.is_scene() ? facts.stream.source().c_str() : version.c_str(),
               format_bytes(facts.bytes()).c_str(), bits);
   t += format_count(info.num_gaussians) + " Gaussians, " + describe_timeline(info.timeline) +
        format(", SH degree %u\n", info.sh_degree);
@@ -541,11 +538,17 @@ void add_statements(const Facts& facts, Outcome& outcome) {
   const std::string rendering = io::rendering_text(r), presentation = io::presentation_text(p);
   if (!rendering.empty()) outcome.text += "rendering: " + rendering + "\n";
   if (!presentation.empty()) outcome.text += "presentation: " + presentation + "\n";
+  j["metadata"] = Json::array();
+  for (const auto& [key, value] : facts.decoder.metadata()) {
+    j["metadata"].push_back({{"key", key}, {"value", value}});
+    // Quoted as in JSON, so that no byte of it reaches the terminal as a command.
+    outcome.text += "metadata: " + Json(key).dump() + " " + Json(value).dump() + "\n";
+  }
 }
 
 void add_errors(const Facts& facts, Outcome& outcome) {
-  const bool is_ply = facts.input.is_ply();
-  const l4d_coding_errors errors = is_ply ? l4d_coding_errors() : facts.decoder.coding_errors();
+  const bool is_ply = facts.input.is_scene();
+  const l4d_coding_errors errors = is_ply ? l4d_coding_errors() : coding_errors(facts.decoder);
   outcome.json["stated_errors"] = errors_json(errors);
   if (!is_ply) outcome.text += "\n" + errors_text(errors);
 }
@@ -610,7 +613,7 @@ SceneStream open_scene(Context& context, const Input& input, const ImportArgumen
   try {
     return SceneStream(context, input, import);
   } catch (const Failure& failure) {
-    if (input.is_ply() || failure.code() != kExitCorrupt) throw;
+    if (input.is_scene() || failure.code() != kExitCorrupt) throw;
     std::string more;
     try {
       const MemberFile file(context, input);
@@ -639,11 +642,11 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
   const Input input(context, arguments.input);
   return about(input.name(), [&] {
     const SceneStream stream = open_scene(context, input, arguments.import);
-    if (input.is_ply()) {
-      context.note("layers, sections and seek are those of a lossless encoding of the PLY");
+    if (input.is_scene()) {
+      context.note("layers, sections and seek are those of a lossless encoding of the scene");
     }
     std::optional<MemberFile> file;
-    if (!input.is_ply()) file.emplace(context, input);
+    if (!input.is_scene()) file.emplace(context, input);
     const Facts facts(file ? &*file : nullptr, stream, input);
     Outcome outcome;
     outcome.json = {{"schema", "l4dcodec.info/1"},
@@ -657,7 +660,7 @@ Outcome run_info(Context& context, const InfoArguments& arguments) {
     add_errors(facts, outcome);
     outcome.text += layer_table(facts.layers, facts.layer_bytes);
     add_sections(facts, outcome);
-    if (!input.is_ply()) note_unused(context, input, facts.info.file_bytes, facts.sections);
+    if (!input.is_scene()) note_unused(context, input, facts.info.file_bytes, facts.sections);
     add_scalable(facts, outcome);
     if (!arguments.time.empty()) add_seek(context, facts, arguments, outcome);
     if (plot) add_plot(context, facts, arguments.plot, *plot, outcome);

@@ -8,6 +8,7 @@
 
 #include "cli/text/levels.h"
 #include "cli/text/units.h"
+#include "l4d/experimental/inspect.h"
 
 namespace l4d::cli {
 
@@ -32,8 +33,7 @@ void collect(void* user, const l4d_violation* violation) {
 
 Judgement judge(const DecoderHandle& decoder, const Claim& claim, uint64_t base) {
   const l4d_info info = decoder.info();
-  l4d_stream_demand c;
-  l4d_stream_demand_init(&c);
+  l4d_stream_demand c = L4D_INIT(l4d_stream_demand);
   // Once for what the stream keeps to, then for the link of the level in question.
   decoder.check(l4d_decoder_get_stream_demand(decoder.get(), &c));
   const uint32_t level = claim.level != 0                                  ? claim.level
@@ -127,8 +127,7 @@ Quantities limits_at(uint32_t level, uint32_t profile) {
 // What a stream asks for over the link of a level.
 Quantities demand_at(const DecoderHandle& decoder, uint32_t level, uint32_t profile) {
   const l4d_level_limits limits = limits_of_level(level, profile);
-  l4d_stream_demand d;
-  l4d_stream_demand_init(&d);
+  l4d_stream_demand d = L4D_INIT(l4d_stream_demand);
   d.bytes_per_second = limits.bytes_per_second;
   d.burst_bytes = limits.burst_bytes;
   d.burst_symbols = limits.instant_symbols;

@@ -35,7 +35,7 @@ Outcome run_manifest(Context& context, const ManifestArguments& arguments) {
   const std::string url =
       arguments.url.empty() ? reference_to(arguments.input, folder) : arguments.url;
   const bool complete = file.has_index() || file.is_plain();
-  const std::string text = playlist_of(file.members(), complete, url);
+  const std::string text = playlist_of(file.members(), complete, url, file.info().stream);
   const auto is_media = [](const MemberInfo& m) { return m.is_media(); };
   if (std::none_of(file.members().begin(), file.members().end(), is_media)) {
     context.note(input.name() + " has no media member that is whole: the list has no segment");
@@ -86,7 +86,8 @@ void add_manifest(Registry& registry) {
       ->type_name("URL");
   verb->footer(
       "Each media member is a segment, a range of bytes of the file. EXT-X-L4D-STANDING lists\n"
-      "members that others need, and NEEDS of EXT-X-L4D-MEMBER names them by NUMBER.");
+      "members that others need, and NEEDS of EXT-X-L4D-MEMBER names them by NUMBER.\n"
+      "EXT-X-L4D-STREAM is what all members have in common.");
 }
 
 }  // namespace l4d::cli

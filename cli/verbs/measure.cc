@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <memory>
 #include <thread>
 
 #include "cli/rendering.h"
@@ -13,8 +14,7 @@ namespace {
 
 l4d_measure_options options_of(const MeasureArguments& a) {
   a.check();
-  l4d_measure_options options;
-  l4d_measure_options_init(&options);
+  l4d_measure_options options = L4D_INIT(l4d_measure_options);
   if (a.metric == "gauss-newton") options.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
   options.seed = a.seed;
   if (!a.agreement.empty()) options.agreement = parse_number(a.agreement, "--agreement");
@@ -39,7 +39,7 @@ Importance measure_importance(Context& context, const std::string& verb, const i
     views.push_back({view.time, static_cast<uint32_t>(view.camera), 0});
   }
   Importance result;
-  l4d_measure_report_init(&result.report);
+  result.report = L4D_INIT(l4d_measure_report);
   l4d_renderer_options rendering = renderer_options(context);
   // Views cost a device little: there is no need to be sparing of them.
   if (arguments.agreement.empty() && !arguments.all_views &&
@@ -53,22 +53,24 @@ Importance measure_importance(Context& context, const std::string& verb, const i
   if (rendering.threads == 0 && group.local_count() > 1) {
     rendering.threads = std::max(1u, std::thread::hardware_concurrency() / group.local_count());
   }
+  // Sums in both halves of the views, what one view gives, and weights (l4d_measure_importance).
+  const uint64_t numbers = options.metric == L4D_SENSITIVITY_GAUSS_NEWTON ? 9 : 35;
+  const std::shared_ptr<void> sums = io::hold(
+      context.budget().holder(),
+      scene.count() * (2 * numbers * sizeof(double) + 192) + views.size() * sizeof(l4d_view),
+      "the importance of Gaussians");
   RendererHandle renderer(&rendering);
   const l4d_gaussians gaussians = scene.view();
   renderer.set_rendering(&scene.rendering);
   renderer.set_gaussians(gaussians, scene.timeline);
-  l4d_sensitivity* measured = nullptr;
-  {
-    Progress progress(context, verb);
-    renderer.check(l4d_measure_importance(
-        renderer.get(), cameras.data(), static_cast<uint32_t>(cameras.size()), views.data(),
-        views.size(), &options, &Progress::callback, &progress, &result.report, &measured));
-  }
-  const SensitivityHandle sensitivity(measured, scene.count());
-  result.weights.count = scene.count();
   result.weights.gauss_newton = options.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
-  for (const auto& [which, column] : kWeightColumns)
-    result.weights.*column = sensitivity.weights(which);
+  const auto columns = result.weights.make_columns(scene.count());
+  Progress progress(context, verb);
+  options.progress = &Progress::callback;
+  options.progress_user = &progress;
+  renderer.check(l4d_measure_importance(
+      renderer.get(), cameras.data(), static_cast<uint32_t>(cameras.size()), views.data(),
+      views.size(), &options, columns.data(), scene.count(), &result.report));
   result.seconds = watch.seconds();
   return result;
 }

@@ -11,6 +11,7 @@
 #include "cli/byte_writer.h"
 #include "cli/playlist.h"
 #include "cli/text/progress.h"
+#include "l4d/experimental/copy.h"
 
 namespace l4d::cli {
 namespace {
@@ -29,10 +30,9 @@ List list_of(const l4d_reader& reader) {
   return List(list, &l4d_members_destroy);
 }
 
-// What a member in memory says of itself.
-MemberInfo describe(const std::vector<uint8_t>& bytes, uint64_t offset) {
-  l4d_reader reader;
-  l4d_reader_init(&reader);
+// What a member in memory says of itself. *stream: what it has in common with the others.
+MemberInfo describe(const std::vector<uint8_t>& bytes, uint64_t offset, uint64_t* stream) {
+  l4d_reader reader = L4D_INIT(l4d_reader);
   reader.user = const_cast<std::vector<uint8_t>*>(&bytes);
   reader.size = [](void* user) {
     return static_cast<int64_t>(static_cast<std::vector<uint8_t>*>(user)->size());
@@ -46,20 +46,22 @@ MemberInfo describe(const std::vector<uint8_t>& bytes, uint64_t offset) {
   };
   const List list = list_of(reader);
   MemberInfo m;
-  l4d_member_init(&m.member);
+  m.member = L4D_INIT(l4d_member);
   check(l4d_members_get(list.get(), 0, &m.member));
   m.needs.resize(m.member.num_needs);
   uint64_t count = 0;
   check(l4d_members_get_needs(list.get(), 0, m.needs.data(), m.needs.size(), &count));
   m.member.offset = offset;
+  l4d_members_info info = L4D_INIT(l4d_members_info);
+  check(l4d_members_get_info(list.get(), &info));
+  *stream = info.stream;
   return m;
 }
 
 // Of the file that is written. FileReader ends with an interrupt, after which this file ends as a
 // whole one.
 l4d_reader reader_of(io::GrowingFile& file) {
-  l4d_reader reader;
-  l4d_reader_init(&reader);
+  l4d_reader reader = L4D_INIT(l4d_reader);
   reader.user = &file;
   reader.size = [](void* user) {
     return static_cast<int64_t>(static_cast<io::GrowingFile*>(user)->size());
@@ -98,7 +100,7 @@ Recording::~Recording() {
 }
 
 void Recording::add(const std::vector<uint8_t>& bytes) {
-  MemberInfo member = describe(bytes, file_->size());
+  MemberInfo member = describe(bytes, file_->size(), &stream_);
   file_->append(bytes.data(), bytes.size());
   members_.push_back(std::move(member));
   write_playlist(false);
@@ -134,7 +136,7 @@ double Recording::end() const {
 
 void Recording::write_playlist(bool complete) {
   if (!playlist_) return;
-  const std::string text = playlist_of(members_, complete, url_, segment_);
+  const std::string text = playlist_of(members_, complete, url_, stream_, segment_);
   io::OutputFile to(playlist_->path());
   to.write(text.data(), text.size());
   to.commit();

@@ -49,6 +49,7 @@ class Recording {
   std::optional<io::GrowingFile> file_;
   std::string url_;
   std::vector<MemberInfo> members_;
+  uint64_t stream_ = 0;             // what they have in common
   bool is_first_playlist_ = false;  // of no member, where no file was
 };
 

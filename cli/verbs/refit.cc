@@ -25,7 +25,7 @@ io::Weights spread(const io::Weights& part, const std::vector<uint8_t>& kept) {
   io::Weights all;
   all.count = kept.size();
   all.gauss_newton = part.gauss_newton;
-  for (const auto& [which, column] : kWeightColumns) {
+  for (const auto& [which, column] : io::kWeightColumns) {
     std::vector<float>& to = all.*column;
     to.assign(kept.size(), 0.0f);
     for (size_t i = 0, row = 0; i < kept.size(); ++i) {
@@ -97,8 +97,7 @@ void Refit::encode(const EncoderHandle& encoder, eval::Encoding* encoding) {
   const double taken = pruned.result < pruned.trials.size()
                            ? std::pow(10.0, -pruned.trials[pruned.result].fidelity / 10)
                            : 0;
-  encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_QUALITY, L4D_ALL_COMPONENTS,
-                                -10 * std::log10(std::pow(10.0, -fidelity / 10) - taken)));
+  encoder.set(L4D_ENC_QUALITY, -10 * std::log10(std::pow(10.0, -fidelity / 10) - taken));
   eval::Target target;
   target.kind = eval::Target::Kind::kFidelity;
   target.requested = fidelity;
@@ -111,6 +110,7 @@ void Refit::encode(const EncoderHandle& encoder, eval::Encoding* encoding) {
     return progress.emplace(parts_->context, "encode",
                             format("trial %zu, %.2f dB", trial + 1, quality));
   };
+  calls.holder = parts_->context.budget().holder();
   calls.measure = [&](const eval::Encoding& coded, eval::Observer& observer) {
     eval::RenderedScene stream(parts_->views->rendering(),
                                eval::StreamBytes{coded.stream.data(), coded.stream.size()},
@@ -120,6 +120,11 @@ void Refit::encode(const EncoderHandle& encoder, eval::Encoding* encoding) {
   eval::TargetResult result = eval::encode_to_target(target, encoder, calls, encoding);
   parts_->search = std::move(result.search);
   parts_->seconds += result.seconds;
+  if (const eval::Trial& best = parts_->search.result(); !best.met) {
+    parts_->context.note(
+        format("renders reach %.2f dB of the fidelity of %.2f dB that was aimed at", best.figure,
+               fidelity));
+  }
 }
 
 Json Refit::json() const {
@@ -141,6 +146,7 @@ Json Refit::json() const {
   }
   j["quality"] = parts_->search.result().quality;
   j["reached"] = parts_->search.result().figure;
+  j["met"] = parts_->search.result().met;
   return j;
 }
 

@@ -4,6 +4,7 @@
 #include "cli/text/detail.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
+#include "l4d/experimental/copy.h"
 
 namespace l4d::cli {
 namespace {
@@ -31,8 +32,8 @@ Outcome run_remux(Context& context, const RemuxArguments& arguments) {
     progress.update(i, file.members().size(), "copying");
     l4d_member_parameters p = parameters_of(m);
     p.stream = file.info().stream;
-    p.max_level = arguments.max_level;
-    p.max_tier = arguments.max_tier;
+    p.levels = arguments.max_level + 1;  // UINT32_MAX: 0, which is all
+    p.tiers = arguments.max_tier + 1;
     if (file.is_plain()) p.is_member = 0;
     const l4d_status status = writer.add(file.reader(i), p);
     if (status != L4D_OK) throw Failure(status, input.name() + ": " + l4d_last_error_message());

@@ -359,8 +359,7 @@ Outcome run_render(Context& context, const RenderArguments& arguments) {
   std::array<float, 3> background{};
   if (!arguments.background.empty()) background = parse_background(arguments.background);
   scene.set_background(background.data());
-  scene.set_detail(detail_id(arguments.detail));
-  scene.set_layers(UINT32_MAX, arguments.max_tier);
+  scene.set_point(operating_point(UINT32_MAX, arguments.max_tier, arguments.detail));
   if (target == Target::kStill && sequence.time.empty()) {
     sequence.time = format("%.17g", eval::middle_of(scene.timeline()));
   }

@@ -7,6 +7,7 @@
 #include "cli/member_file.h"
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
+#include "l4d/experimental/copy.h"
 
 namespace l4d::cli {
 namespace {
@@ -64,8 +65,7 @@ Kept copy_member(const std::string& name, const MemberFile& file, size_t index,
     throw Failure(status, name + ": member " + std::to_string(parameters.number) + ": " +
                               l4d_last_error_message());
   };
-  l4d_reader reader;
-  l4d_reader_init(&reader);
+  l4d_reader reader = L4D_INIT(l4d_reader);
   if (!is_right(file.find_reader(index, &reader))) return Kept::kNot;
   for (const bool tolerant : {false, true}) {
     if (!is_right(writer.add(reader, parameters, tolerant))) continue;

@@ -79,7 +79,9 @@ std::string playlist_of_file(const Context& context, const std::string& path,
                              const std::string& url) {
   try {
     const MemberFile file(context, path, path, false);
-    return needs_playlist(file) ? playlist_of(file.members(), file.has_index(), url) : "";
+    return needs_playlist(file)
+               ? playlist_of(file.members(), file.has_index(), url, file.info().stream)
+               : "";
   } catch (const Failure&) {
     return "";
   }

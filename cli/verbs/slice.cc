@@ -4,13 +4,13 @@
 #include "cli/arrays.h"
 #include "cli/common.h"
 #include "cli/files.h"
+#include "cli/instants.h"
 #include "cli/scene_source.h"
 #include "cli/shown_scene.h"
 #include "cli/text/detail.h"
 #include "cli/text/progress.h"
 #include "cli/text/sequence.h"
 #include "cli/text/units.h"
-#include "io/ply/scene_ply.h"
 
 namespace l4d::cli {
 namespace {
@@ -43,7 +43,7 @@ void check(const SliceArguments& arguments) {
   }
   if (!single && arguments.output == "-") throw usage_error("a sequence cannot go to stdout");
   arguments.sequence.check();
-  check_extension(arguments.output, "--output", {".ply"});
+  check_extension(arguments.output, "--output", io::instant_extensions());
   if (single && !arguments.digest) NumberedName::refuse(arguments.output);
   arguments.import.check();
 }
@@ -62,14 +62,18 @@ struct Slices {
   uint64_t bytes = 0;
   double seconds = 0;
   LossReport losses;
+  io::WriteNotes notes;
   std::string digests;
 };
 
 // No outputs: digests only.
 Slices write_slices(Context& context, const Input& input, ShownScene& scene,
                     const std::vector<double>& times, const std::vector<std::string>& names,
-                    const std::vector<std::unique_ptr<Output>>& outputs) {
+                    const std::vector<std::unique_ptr<Output>>& outputs,
+                    const l4d_operating_point& point) {
   Slices slices;
+  const io::InstantSetting setting{scene.placement(), scene.rendering(),
+                                   scene.presentation().metres_per_unit, context.budget().holder()};
   Progress progress(context, "slice");
   for (size_t k = 0; k < times.size(); ++k) {
     check_interrupt();
@@ -77,7 +81,8 @@ Slices write_slices(Context& context, const Input& input, ShownScene& scene,
     const Stopwatch watch;
     const std::shared_ptr<void> memory = context.budget().take(
         about(input.name(), [&] { return scene.slice_bytes(times[k]); }), "a slice");
-    SplatArrays arrays = about(input.name(), [&] { return scene.slice(times[k], &slices.losses); });
+    SplatArrays arrays =
+        about(input.name(), [&] { return scene.slice(times[k], point, &slices.losses); });
     slices.seconds += watch.seconds();
     Json frame = {{"index", k}, {"time", times[k]}, {"gaussians", arrays.count()}};
     slices.splats += arrays.count();
@@ -91,13 +96,10 @@ Slices write_slices(Context& context, const Input& input, ShownScene& scene,
       slices.frames.push_back(frame);
       continue;
     }
-    io::Splats splats;
-    splats.sh_degree = arrays.sh_degree;
-    splats.position = std::move(arrays.position);
-    splats.covariance = std::move(arrays.covariance);
-    splats.opacity = std::move(arrays.opacity);
-    splats.sh = std::move(arrays.sh);
-    io::write_3dgs_ply(outputs[k]->path(), splats);
+    const std::string extension = instant_extension(names[k]);
+    add_notes(io::write_instant_file(outputs[k]->path(), extension.empty() ? ".ply" : extension,
+                                     take_splats(std::move(arrays)), setting),
+              &slices.notes);
     slices.bytes += outputs[k]->finish();
     frame["output"] = names[k];
     slices.frames.push_back(frame);
@@ -130,8 +132,8 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
     outputs.push_back(std::make_unique<Output>(context, arguments.output));
   const Input input(context, arguments.input);
   ShownScene scene(context, input, arguments.import, arguments.tolerant);
-  scene.set_detail(detail_id(arguments.detail));
-  scene.set_layers(UINT32_MAX, arguments.max_tier);
+  const l4d_operating_point point =
+      operating_point(UINT32_MAX, arguments.max_tier, arguments.detail);
   const std::vector<double> times = instants(context, arguments.sequence, scene.timeline());
   note_placement(context, scene.placement());
 
@@ -141,8 +143,9 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
     names.push_back(single ? arguments.output : (*pattern)(k));
     if (k >= outputs.size()) outputs.push_back(std::make_unique<Output>(context, names[k]));
   }
-  const Slices slices = write_slices(context, input, scene, times, names, outputs);
+  const Slices slices = write_slices(context, input, scene, times, names, outputs, point);
   slices.losses.note(context, input.name());
+  print_notes(context, slices.notes);
   if (arguments.digest) {
     context.note(
         "slices are not normative: equal digests tell that builds of this library agree, "
@@ -171,12 +174,17 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
 
 void add_slice(Registry& registry) {
   auto arguments = std::make_shared<SliceArguments>();
-  Verb* verb = add_verb(registry, "slice", "Write the scene at an instant, or at many, as 3DGS PLY",
-                        [arguments](Context& context) { return run_slice(context, *arguments); });
+  Verb* verb =
+      add_verb(registry, "slice", "Write the scene at an instant, or at many, as static files",
+               [arguments](Context& context) { return run_slice(context, *arguments); });
   verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
-  verb->add_option("-o,--output", arguments->output,
-                   "3DGS PLY to write, '-' = stdout; a sequence needs a %d: out_%04d.ply, counted "
-                   "from 0. Required unless --digest is given")
+  verb->add_option(
+          "-o,--output", arguments->output,
+          "What to write, by its name: .ply (3DGS), .spz, .sog, .glb (glTF) or .usda (OpenUSD); "
+          "'-' = "
+          "3DGS PLY to stdout. "
+          "A sequence needs a %d: out_%04d.ply, counted from 0. Required unless --digest is "
+          "given")
       ->type_name("FILE");
   verb->add_flag("--digest", arguments->digest,
                  "Write nothing and print XXH3-64 of each array of the slice. Slices are not "
@@ -191,7 +199,7 @@ void add_slice(Registry& registry) {
   verb->footer(
       "Examples:\n"
       "  l4dcodec slice scene.l4d --time 2.5 -o frame.ply\n"
-      "  l4dcodec slice scene.l4d --from 1 --to 2 --fps 30 -o frame_%04d.ply\n"
+      "  l4dcodec slice scene.l4d --from 1 --to 2 --fps 30 -o frame_%04d.spz\n"
       "Each bucket of a sequence is decoded once. Opacity has the temporal falloff applied.");
 }
 

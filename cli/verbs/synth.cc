@@ -28,7 +28,7 @@ struct SynthArguments {
 };
 
 const std::array<const char*, 7>& effects_of(const std::string& scene) {
-  return scene == "square" ? io::kSquareEffects : io::kSynthEffects;
+  return scene == "cloud" ? io::kSynthEffects : io::kPlaceEffects;
 }
 
 std::string effect_names(const std::string& scene) {
@@ -54,8 +54,8 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
   if (!(options.seconds > 0)) throw usage_error("--seconds must be positive");
   if (!(options.fps > 0)) throw usage_error("--fps must be positive");
   if (options.gaussians == 0) throw usage_error("--gaussians must be positive");
-  if (options.scene != "square" && options.scene != "cloud") {
-    throw usage_error("--scene: '" + options.scene + "' is none of square, cloud");
+  if (options.scene != "square" && options.scene != "room" && options.scene != "cloud") {
+    throw usage_error("--scene: '" + options.scene + "' is none of square, room, cloud");
   }
   const auto& known = effects_of(options.scene);
   for (const std::string& effect : options.effects) {
@@ -63,12 +63,12 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
       throw usage_error("--effects: '" + effect + "' is none of " + effect_names(options.scene));
     }
   }
-  const bool square = options.scene == "square";
-  if (square && options.static_gaussians > 0) {
+  const bool place = options.scene != "cloud";
+  if (place && options.static_gaussians > 0) {
     throw usage_error("--static-gaussians: only --scene cloud has them");
   }
-  if (!square && !arguments.cameras_out.empty()) {
-    throw usage_error("--cameras-out: only --scene square has cameras");
+  if (!place && !arguments.cameras_out.empty()) {
+    throw usage_error("--cameras-out: --scene cloud has none");
   }
   check_extension(arguments.output, "--output", {".ply"});
   Output output(context, arguments.output);
@@ -85,7 +85,7 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
     check_interrupt();
     progress.step("writing");
     io::write_l4d_ply(output.path(), scene);
-    if (cameras) io::write_square_cameras(cameras->path(), scene.timeline);
+    if (cameras) io::write_place_cameras(cameras->path(), options.scene, scene.timeline);
   }
   if (cameras) cameras->finish();
   const uint64_t bytes = output.finish();
@@ -122,13 +122,13 @@ void add_synth(Registry& registry) {
       ->required();
   verb->add_option(
           "--scene", arguments->scene,
-          "square: a market square at dusk, to look at. More than 20 s (for more than 522k\n"
-          "Gaussians the more) are slow motion there. cloud: a random room, as hard to code as\n"
-          "trained scenes")
+          "square: a market square at dusk; room: a living room in the evening; both to look at.\n"
+          "More than 20 s (for more than some 500k Gaussians the more) are slow motion there.\n"
+          "cloud: random surfaces, as hard to code as trained scenes")
       ->type_name("NAME")
       ->capture_default_str();
   verb->add_option("--cameras-out", arguments->cameras_out,
-                   "Cameras of the square, as cameras.json: named views from id 0, a ring for\n"
+                   "Cameras of square or room, as cameras.json: named views from id 0, a ring for\n"
                    "training from 100, a walk from 200")
       ->type_name("FILE");
   verb->add_option("--seconds", arguments->seconds, "Duration: 5, 1:30, 2:00:00")
@@ -156,6 +156,7 @@ void add_synth(Registry& registry) {
   verb->footer(
       "Example:\n"
       "  l4dcodec synth -n 500k --cameras-out cameras.json -o square.ply\n"
+      "  l4dcodec synth --scene room -n 300k --cameras-out cameras.json -o room.ply\n"
       "  l4dcodec synth --scene cloud --seconds 10:00 -n 1M -o long.ply");
 }
 

@@ -133,10 +133,11 @@ std::string format_figure(const eval::Target& target, double figure) {
   }
 }
 
-eval::Decoding decoding_of(Context& context) {
+eval::Decoding decoding_of(Context& context, const std::vector<float>& min_sizes) {
   eval::Decoding decoding;
   decoding.decoder = context.decoder_options();
   decoding.threads = context.options.threads;
+  decoding.min_sizes = min_sizes;
   decoding.holder = context.budget().holder();
   return decoding;
 }
@@ -144,17 +145,18 @@ eval::Decoding decoding_of(Context& context) {
 TargetReached encode_to_target(Context& context, const eval::Target& target,
                                const EncoderHandle& encoder, const std::string& name,
                                const io::Scene& scene, const CameraArguments& cameras,
-                               eval::Encoding* encoding) {
+                               const std::vector<float>& min_sizes, eval::Encoding* encoding) {
   const Stopwatch watch;
   std::optional<ViewMeter> meter;
   if (target.needs_views()) meter.emplace(context, target, name, scene, cameras);
-  const eval::Decoding decoding = decoding_of(context);
+  const eval::Decoding decoding = decoding_of(context, min_sizes);
   std::optional<Progress> progress;
   eval::TargetCalls calls;
   calls.begin = [&](size_t trial, double quality) -> eval::Observer& {
     progress.reset();
     return progress.emplace(context, "encode", format("trial %zu, %.2f dB", trial + 1, quality));
   };
+  calls.holder = context.budget().holder();
   calls.measure = [&](const eval::Encoding& coded, eval::Observer& observer) {
     const double figure = meter ? meter->of(coded, observer)
                                 : eval::measure_target(target, decoding, observer, scene, coded);

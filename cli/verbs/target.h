@@ -30,8 +30,9 @@ std::string format_figure(const eval::Target& target, double figure);
 std::optional<eval::Target> parse_target(const TargetArguments& arguments,
                                          const CameraArguments& cameras);
 
-// How encodings are decoded for the comparison with their scene.
-eval::Decoding decoding_of(Context& context);
+// How encodings are decoded for the comparison with their scene. min_sizes: those that the encoder
+// got, so that errors are measured as a stream states them.
+eval::Decoding decoding_of(Context& context, const std::vector<float>& min_sizes);
 
 struct TargetReached {
   eval::Target target;
@@ -48,6 +49,6 @@ struct TargetReached {
 TargetReached encode_to_target(Context& context, const eval::Target& target,
                                const EncoderHandle& encoder, const std::string& name,
                                const io::Scene& scene, const CameraArguments& cameras,
-                               eval::Encoding* encoding);
+                               const std::vector<float>& min_sizes, eval::Encoding* encoding);
 
 }  // namespace l4d::cli

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "cli/text/units.h"
+#include "l4d/experimental/inspect.h"
 
 namespace l4d::cli {
 namespace {
@@ -23,7 +24,7 @@ struct Cost {
 Cost cost_of(const DecoderHandle& decoder, const std::vector<uint32_t>& levels, l4d_query query) {
   Cost cost;
   for (const uint32_t level : levels) {
-    query.max_level = level;
+    query.point.levels = level + 1;
     const l4d_selection selection = decoder.select(query);
     cost.upto.push_back(selection.bytes);
     cost.directory = selection.directory_bytes;
@@ -33,8 +34,7 @@ Cost cost_of(const DecoderHandle& decoder, const std::vector<uint32_t>& levels, 
 }
 
 uint64_t visible_at(const DecoderHandle& decoder, double seconds) {
-  l4d_splat_buffers splats;
-  l4d_splat_buffers_init(&splats);
+  l4d_splat_buffers splats = L4D_INIT(l4d_splat_buffers);
   decoder.check(l4d_decoder_slice(decoder.get(), seconds, &splats));
   return splats.count;
 }
@@ -116,8 +116,7 @@ TimeProfile profile_over_time(const SceneStream& stream, const std::vector<l4d_l
   profile.frames_per_step = (frames + kMaxSteps - 1) / kMaxSteps;
   const uint32_t steps = (frames + profile.frames_per_step - 1) / profile.frames_per_step;
 
-  l4d_query query;
-  l4d_query_init(&query);
+  l4d_query query = L4D_INIT(l4d_query);
   Cost here;  // of the buckets that the step before has
   for (uint32_t step = 0; step < steps; ++step) {
     check_interrupt();

@@ -8,6 +8,7 @@
 #include "cli/common.h"
 #include "cli/scene_source.h"
 #include "cli/text/progress.h"
+#include "l4d/experimental/inspect.h"
 
 namespace l4d::cli {
 

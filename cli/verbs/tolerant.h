@@ -24,7 +24,7 @@ class TolerantStream {
  public:
   TolerantStream(Context& context, const Input& input, const ImportArguments& arguments,
                  bool tolerant) {
-    if (!tolerant || input.is_ply()) {
+    if (!tolerant || input.is_scene()) {
       scene_ = std::make_unique<SceneStream>(context, input, arguments);
       return;
     }
@@ -65,6 +65,13 @@ class LossReport {
       known.num_pages = std::max(known.num_pages, loss.num_pages);
       known.num_gaussians = std::max(known.num_gaussians, loss.num_gaussians);
     }
+  }
+  // Throws a Failure if nothing is left: what no command reads is no result.
+  void note(Context& context, const std::string& input, size_t left) const {
+    if (!losses_.empty() && left == 0) {
+      throw Failure(L4D_ERR_CORRUPT, input + ": damaged or unreadable, all of it");
+    }
+    note(context, input);
   }
   void note(Context& context, const std::string& input) const {
     if (losses_.empty()) return;

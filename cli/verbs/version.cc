@@ -19,8 +19,7 @@ Outcome run_version(Context&) {
   l4d_cuda_get_device_count(&count);
   std::string device_text;
   for (uint32_t i = 0; i < count; ++i) {
-    l4d_cuda_device_info info;
-    l4d_cuda_device_info_init(&info);
+    l4d_cuda_device_info info = L4D_INIT(l4d_cuda_device_info);
     if (l4d_cuda_get_device_info(i, &info) != L4D_OK) continue;
     devices.push_back(
         {{"index", i},

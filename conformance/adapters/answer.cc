@@ -20,6 +20,7 @@
 #include "conformance/adapters/digests.h"
 #include "l4d/cuda.h"
 #include "l4d/l4d.hpp"
+#include "l4d/experimental/inspect.hpp"
 
 namespace {
 
@@ -105,8 +106,7 @@ int64_t size_of(void* user) {
 
 Answer validate(Bytes* file, l4d_decoder_options options) {
   options.accept_needs = 1;  // a member is whole without those that it needs
-  l4d_reader reader;
-  l4d_reader_init(&reader);
+  l4d_reader reader = L4D_INIT(l4d_reader);
   reader.user = file;
   reader.read_at = &read_at;
   reader.size = &size_of;
@@ -119,7 +119,7 @@ Answer validate(Bytes* file, l4d_decoder_options options) {
 }
 
 std::string demand_of(const l4d::DecoderHandle& decoder) {
-  const l4d_stream_demand d = decoder.demand();
+  const l4d_stream_demand d = stream_demand(decoder);
   const auto item = [](const char* name, uint64_t value) {
     return "\"" + std::string(name) + "\": " + std::to_string(value);
   };
@@ -137,8 +137,7 @@ double number(const std::string& text) {
 }
 
 l4d_query query_of(const Question& q) {
-  l4d_query out;
-  l4d_query_init(&out);
+  l4d_query out = L4D_INIT(l4d_query);
   const size_t colon = q.query.find(':');
   const std::string kind = q.query.substr(0, colon);
   const std::string rest = colon == std::string::npos ? "" : q.query.substr(colon + 1);
@@ -155,9 +154,9 @@ l4d_query query_of(const Question& q) {
   } else {
     throw std::runtime_error("no query: " + q.query);
   }
-  if (q.max_level != UINT32_MAX) out.max_level = q.max_level;
-  if (q.max_tier != UINT32_MAX) out.max_tier = q.max_tier;
-  if (q.base) out.detail = L4D_DETAIL_BASE_COLOR;
+  out.point.levels = q.max_level + 1;  // UINT32_MAX: 0, which is all
+  out.point.tiers = q.max_tier + 1;
+  if (q.base) out.point.detail = L4D_DETAIL_BASE_COLOR;
   return out;
 }
 
@@ -177,8 +176,7 @@ Bytes read_file(const std::string& path) {
 
 Answer answer_of(const Question& q, uint32_t backend) {
   Bytes file = read_file(q.file);
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   options.threads = 1;
   options.backend = backend;
   if (q.query == "validate") return validate(&file, options);

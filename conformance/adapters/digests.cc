@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "conformance/adapters/digests.h"
+#include "l4d/experimental/packed.h"
 
 #include <xxhash.h>
 
@@ -126,8 +127,7 @@ std::string attribute_digests(const DecoderHandle& decoder, const l4d_query& que
   std::vector<float> local(columns.count), log_scale(4 * columns.count), rotor(8 * columns.count),
       sh(dim * columns.count);
   std::vector<double> exact(columns.count);
-  l4d_gaussian_buffers b;
-  l4d_gaussian_buffers_init(&b);
+  l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
   columns.bind(&b);
   b.mean_t_local = local.data();
   b.log_scale = log_scale.data();
@@ -135,7 +135,7 @@ std::string attribute_digests(const DecoderHandle& decoder, const l4d_query& que
   b.sh = sh.data();
   decoder.check(l4d_decoder_decode(decoder.get(), &query, &b));
   l4d_gaussian_buffers times;  // apart: with exact mean times the host would decode all
-  l4d_gaussian_buffers_init(&times);
+  times = L4D_INIT(l4d_gaussian_buffers);
   times.capacity = columns.count;
   times.mean_t_double = exact.data();
   decoder.check(l4d_decoder_decode(decoder.get(), &query, &times));
@@ -215,8 +215,7 @@ std::string packed_digests(const DecoderHandle& decoder, const l4d_query& query)
   const size_t capacity = columns.count;
   std::vector<uint16_t> scale_factor(capacity);
   auto components = components_of(decoder);
-  l4d_packed_buffers b;
-  l4d_packed_buffers_init(&b);
+  l4d_packed_buffers b = L4D_INIT(l4d_packed_buffers);
   columns.bind(&b);
   b.scale_factor = scale_factor.data();
   for (size_t c = 0; c < components.size(); ++c) {
@@ -227,7 +226,7 @@ std::string packed_digests(const DecoderHandle& decoder, const l4d_query& query)
   }
   decoder.check(l4d_decoder_decode_packed(decoder.get(), &query, &b));
   l4d_packed_buffers again;  // only now is it known how many escapes there are
-  l4d_packed_buffers_init(&again);
+  again = L4D_INIT(l4d_packed_buffers);
   again.capacity = capacity;
   for (size_t c = 0; c < components.size(); ++c) {
     again.component[c].escape_capacity = b.component[c].num_escapes;

@@ -31,7 +31,9 @@ NOT_CHECKABLE = {
     "ENC-1": "about encoders", "ENC-2": "about encoders",
     "VER-1": "about results: vectors of other minor versions hold it",
     "VER-2": "what it has refused breaks FILE-3, HEAD-7, HEAD-8, CHNK-6 or STRM-1",
-    "VER-3": "about encoders; a decoder may refuse what is not final"}
+    "VER-3": "about encoders; a decoder may refuse what is not final",
+    "PLST-1": "about playlists, which are no streams", "PLST-2": "about playlists, which are no streams",
+    "PLST-3": "about playlists, which are no streams"}
 
 KINDS = {"FILE-1": ["no-l4d"], "FILE-2": ["version"], "FILE-3": ["feature"], "HEAD-7": ["feature"],
          "HEAD-8": ["feature"], "CHNK-6": ["feature"], "CHNK-1": ["truncated"], "HEAD-21": ["truncated"], "CHNK-2": ["checksum"],

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "decoder/check/conformance.h"
+#include "l4d/experimental/inspect.h"
 
 namespace l4d {
 
@@ -14,8 +15,6 @@ Status measure_sections(SceneFile& file, PageDecoder& pages, uint64_t* sections,
   l4d_query all{};
   all.struct_size = sizeof all;
   all.kind = L4D_QUERY_ALL;
-  all.max_level = ~0u;
-  all.max_tier = ~0u;
   Plan plan;
   L4D_RETURN_IF_ERROR(make_plan(file, all, nullptr, &plan));
   SectionBytes bytes{};

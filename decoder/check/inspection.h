@@ -7,6 +7,7 @@
 #include "decoder/expand/page_decoder.h"
 #include "decoder/read/scene_file.h"
 #include "l4d/decode.h"
+#include "l4d/experimental/inspect.h"
 
 namespace l4d {
 

@@ -119,8 +119,8 @@ class StreamCopy {
     query.kind = request_.has_edit ? L4D_QUERY_RANGE : L4D_QUERY_ALL;
     query.time_begin = edit_.begin;
     query.time_end = edit_.end;
-    query.max_level = request_.max_level;
-    query.max_tier = request_.max_tier;
+    query.point.levels = request_.levels;
+    query.point.tiers = request_.tiers;
     Losses losses;  // the directory pages among them; the caller sees what is left
     L4D_RETURN_IF_ERROR(make_plan(file(), query, tolerant_ ? &losses : nullptr, &plan_));
     if (plan_.tasks.empty() && !losses.query().empty()) {

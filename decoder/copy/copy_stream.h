@@ -20,8 +20,8 @@ struct CopyRequest {
   Member member;
   bool has_edit = false;
   Edit edit;
-  uint32_t max_level = UINT32_MAX;  // layers of other levels and tiers are left out
-  uint32_t max_tier = UINT32_MAX;
+  uint32_t levels = 0;  // layers of other levels and tiers are left out; 0 = none
+  uint32_t tiers = 0;
 };
 
 // reader: of the one stream. options: a tolerant copy leaves out damaged pages, or their SH detail.

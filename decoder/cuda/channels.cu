@@ -11,6 +11,21 @@ __global__ void __launch_bounds__(32 * kMaxBlockPages)
   decode_channels(request, reinterpret_cast<unsigned char*>(shared));
 }
 
+// Lets the kernel have what its device lends at most. The limit is the kernel's, not that of one
+// launch: a smaller one would fail launches of other threads which need more.
+cudaError_t allow_shared_memory() {
+  int device = 0, most = 0;
+  cudaError_t error = cudaGetDevice(&device);
+  if (error == cudaSuccess) {
+    error = cudaDeviceGetAttribute(&most, cudaDevAttrMaxSharedMemoryPerBlockOptin, device);
+  }
+  cudaFuncAttributes attributes{};
+  if (error == cudaSuccess) error = cudaFuncGetAttributes(&attributes, channels_kernel);
+  if (error != cudaSuccess) return error;
+  return cudaFuncSetAttribute(channels_kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                              most - static_cast<int>(attributes.sharedSizeBytes));
+}
+
 }  // namespace
 
 uint32_t channels_shared_bytes(const DeviceLayer& layer, uint32_t block_pages) {
@@ -20,9 +35,7 @@ uint32_t channels_shared_bytes(const DeviceLayer& layer, uint32_t block_pages) {
 cudaError_t launch_channels(const DeviceRequest& request, const ChannelsLaunch& launch,
                             cudaStream_t stream) {
   if (launch.num_blocks == 0) return cudaSuccess;
-  const cudaError_t error =
-      cudaFuncSetAttribute(channels_kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
-                           static_cast<int>(launch.shared_bytes));
+  const cudaError_t error = allow_shared_memory();
   if (error != cudaSuccess) return error;
   channels_kernel<<<launch.num_blocks, 32 * launch.block_pages, launch.shared_bytes, stream>>>(
       request);

@@ -6,6 +6,7 @@
 
 #include "decoder/cuda/lanes.cuh"
 #include "decoder/cuda/values.cuh"
+#include "decoder/cuda/windows.cuh"
 
 namespace l4d::cuda {
 
@@ -56,7 +57,8 @@ class PageWarp {
       const uint32_t fault = run_channel(channels_[p]);
       if (fault != kPageOk) return fault;
     }
-    return lanes_.finished() ? kPageOk : kFaultEnd;
+    if (!lanes_.finished()) return kFaultEnd;
+    return part == 0 && layer_.flat != 0 ? check_windows() : uint32_t{kPageOk};
   }
 
  private:
@@ -148,7 +150,8 @@ class PageWarp {
       case ChannelKind::kMeanTFine:
         return refinements(channel);
       case ChannelKind::kWindow:
-        break;  // DeviceDecoder opens no stream that has them
+        return codes(channel, request_.columns.window + channel.index * request_.columns.stride +
+                                  page_.slot);
       case ChannelKind::kOpacity:
         return codes(channel, request_.columns.opacity + page_.slot);
       case ChannelKind::kScaleFactor:
@@ -230,6 +233,16 @@ class PageWarp {
       store_if(active, out + i, value);
     });
     return fault_of(bad, kFaultCode);
+  }
+
+  // Each lane looks at what it has stored itself.
+  __device__ uint32_t check_windows() const {
+    bool bad = false;
+    for (uint32_t i = lane_; i < page_.n; i += 32) {
+      const FrameWindow window = window_of(request_, layer_, page_, size_t{page_.slot} + i);
+      bad |= !window.is_valid(request_.timeline.num_frames);
+    }
+    return fault_of(bad, kFaultWindow);
   }
 
   __device__ uint32_t depths(const ChannelProgram& channel) {

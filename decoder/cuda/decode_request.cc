@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "libl4dcodec/base/checked.h"
+#include "libl4dcodec/scene/window.h"
 
 namespace l4d::cuda {
 namespace {
@@ -27,7 +28,7 @@ Status DecodeRequest::make(SceneFile& file, LayerTables& tables, Plan plan,
     L4D_RETURN_IF_ERROR(tables.load(task.layer, wants));
     L4D_RETURN_IF_ERROR(add_page(file, wants, t, with_detail));
   }
-  reads_.finish(max_read_gap(plan_, with_detail));
+  reads_.finish(max_read_gap(file.source(), plan_, with_detail));
   if (num_states_ > UINT32_MAX) {
     return Status(L4D_ERR_LIMIT_EXCEEDED, "the query selects more Gaussians than one decode takes");
   }
@@ -59,6 +60,11 @@ Status DecodeRequest::add_page(SceneFile& file, const LayerTables::Wants& wants,
                                                    : entropy->channels.size());
   page.sh_limit = whole ? kMaxCoefficients : header.sh_base;
   page.has_sh = whole || header.sh_base > 0;
+  const LayerHeader& layer = header.layers[task.layer];
+  if (layer.flat()) {
+    has_windows_ = true;
+    page.window_base = window_base(record.bucket, layer.level, header.timeline.num_frames);
+  }
   L4D_RETURN_IF_ERROR(add_codebooks(file, wants, task, &page));
   const uint32_t index = static_cast<uint32_t>(pages_.size());
   reads_.add(record, index, with_detail);

@@ -48,6 +48,8 @@ class DecodeRequest {
   uint64_t num_states() const { return num_states_; }
   // Whether a page of the plan, decoded on the device or not, may have escapes.
   bool may_have_escapes() const { return may_have_escapes_; }
+  // Whether some of pages() is of a flat layer.
+  bool has_windows() const { return has_windows_; }
 
  private:
   using BlockKey = std::tuple<uint32_t, uint32_t, uint32_t, unsigned>;
@@ -68,6 +70,7 @@ class DecodeRequest {
   uint64_t num_slots_ = 0;
   uint64_t num_states_ = 0;
   bool may_have_escapes_ = false;
+  bool has_windows_ = false;
 };
 
 }  // namespace l4d::cuda

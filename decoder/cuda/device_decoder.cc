@@ -34,10 +34,6 @@ DeviceDecoder::~DeviceDecoder() {
 }
 
 Status DeviceDecoder::open(int device) {
-  if (decoder_.file().header().has_windows()) {
-    return Status(L4D_ERR_FEATURE_UNSUPPORTED,
-                  "the stream has flat windows, which only the host decodes");
-  }
   device_ = device;
   int multiprocessors = 0;
   L4D_RETURN_IF_CUDA_ERROR(
@@ -124,6 +120,23 @@ Status DeviceDecoder::copy_host_rows(const DeviceArrays& out, cudaStream_t strea
       },
       request_->host().expanded(), out);
   L4D_RETURN_IF_CUDA_ERROR(error);
+  return copy_host_windows(request_->host().expanded().window, out.window, stream);
+}
+
+// Streams without windows have no rows of them.
+Status DeviceDecoder::copy_host_windows(const uint32_t* from, uint32_t* to,
+                                        cudaStream_t stream) const {
+  if (to == nullptr) return {};
+  for (const HostRun& run : request_->host().runs()) {
+    const size_t bytes = static_cast<size_t>(run.count) * 2 * sizeof(uint32_t);
+    uint32_t* const rows = to + 2 * run.first;
+    if (from == nullptr) {
+      L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(rows, 0, bytes, stream));
+    } else {
+      L4D_RETURN_IF_CUDA_ERROR(
+          cudaMemcpyAsync(rows, from + 2 * run.first, bytes, cudaMemcpyHostToDevice, stream));
+    }
+  }
   return {};
 }
 
@@ -188,6 +201,7 @@ Status DeviceDecoder::decode(const l4d_cuda_gaussian_buffers& out, void* workspa
         given.push_back({array, a.flag});
       },
       out);
+  given.push_back({out.window, L4D_CUDA_MEAN_T});
   L4D_RETURN_IF_ERROR(
       check_arrays(L4D_CUDA_FORM_EXPANDED, out.capacity, given.data(), given.size()));
   L4D_RETURN_IF_ERROR(begin_decode(workspace, workspace_size, stream));

@@ -11,6 +11,7 @@
 
 #include "decoder/cuda/prepared_request.h"
 #include "decoder/session/decoder.h"
+#include "l4d/experimental/cuda_packed.h"
 #include "libl4dcodec/cuda/device.h"
 
 namespace l4d::cuda {
@@ -53,6 +54,7 @@ class DeviceDecoder {
   Status begin_decode(void* workspace, uint64_t workspace_size, cudaStream_t stream);
   Status end_decode(const void* workspace, uint32_t form, cudaStream_t stream);
   Status copy_host_rows(const DeviceArrays& out, cudaStream_t stream) const;
+  Status copy_host_windows(const uint32_t* from, uint32_t* to, cudaStream_t stream) const;
   Status copy_packed_host_rows(const PackedArrays& out, cudaStream_t stream) const;
   Status check_escapes() const;
 

@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "l4d/cuda.h"
+#include "l4d/experimental/packed.h"
 #include "libl4dcodec/container/channels.h"
 
 namespace l4d::cuda {
@@ -83,6 +84,9 @@ struct DeviceLayer {
   uint32_t mean_t_zero;
   uint32_t mean_t_fine;
   float mean_t_step;
+  uint32_t flat;            // Gaussians have windows
+  uint32_t window_columns;  // bit k: column k of windows has bits
+  uint32_t window_length;   // the least
   uint32_t permanent;
   uint32_t stereographic;
   float position_center[3];
@@ -107,10 +111,11 @@ struct DevicePage {
   uint32_t n;
   uint32_t layer;
   uint32_t chunk_bytes[2];
-  uint32_t middle;    // channels of the base chunk
-  uint32_t sh_limit;  // coefficients of SH that count
-  uint32_t has_sh;    // 0: no channel of SH is decoded, not even depths and step_exponents
-  uint32_t piece;     // first of the pieces that its escapes are counted in
+  uint32_t middle;       // channels of the base chunk
+  uint32_t sh_limit;     // coefficients of SH that count
+  uint32_t has_sh;       // 0: no channel of SH is decoded, not even depths and step_exponents
+  uint32_t piece;        // first of the pieces that its escapes are counted in
+  uint32_t window_base;  // of a flat layer: the frame that begins count from
   uint32_t stage0_entries[L4D_COMPONENT_COUNT];
 };
 
@@ -162,6 +167,7 @@ enum PageFault : uint32_t {
   kFaultIndex,         // VQ-2
   kFaultStepExponent,  // TRAN-5
   kFaultEobIndex,      // TRAN-6
+  kFaultWindow,        // WIND-3
 };
 
 // Values between the two steps, one column after another, `stride` slots each. Values of a
@@ -171,6 +177,7 @@ struct Columns {
   uint64_t* morton;
   uint16_t* mean_t;       // binary16, or codes of fixed ones
   uint16_t* mean_t_fine;  // refinements
+  uint16_t* window;       // kWindowColumns of them, of requests with flat layers
   uint16_t* opacity;
   uint16_t* scale_factor;
   uint32_t* state;  // [2, state_stride] of the Gaussians that take part in the channel at hand
@@ -193,6 +200,7 @@ struct DeviceRequest {
   const ExpandTask* expands;
   uint32_t* faults;  // [pages, 2]
   Columns columns;
+  l4d_timeline timeline;
   // Of the packed form. Pieces are ExpandTasks and HostPieces in the order of the Gaussians.
   const HostPiece* host_pieces;
   EscapeSum* escapes;     // [num_pieces, L4D_COMPONENT_COUNT]
@@ -211,6 +219,7 @@ struct PackedArrays {
   uint16_t* mean_t;
   uint16_t* opacity;
   uint16_t* scale_factor;
+  uint32_t* window;
   struct Component {
     uint8_t* depth;
     uint16_t* index;  // stage s at s * capacity

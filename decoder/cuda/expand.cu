@@ -10,10 +10,11 @@ namespace {
 // Geometry waits for memory, and SH for arithmetic: they go side by side. As soon as all blocks of
 // geometry run, those of SH, which do not depend on them, begin on idle multiprocessors; they
 // end after the last of geometry, so that whatever comes next on the stream finds both.
+template <bool kWindows>
 __global__ void __launch_bounds__(kExpandThreads)
     geometry_kernel(const DeviceRequest request, const DeviceArrays out) {
   let_next_begin();
-  expand_geometry(request, out, blockIdx.x);
+  expand_geometry<kWindows>(request, out, blockIdx.x);
 }
 
 template <unsigned kDim>
@@ -49,7 +50,8 @@ cudaError_t launch_sh(const DeviceRequest& request, const ExpandLaunch& launch,
 
 bool has_geometry(const DeviceArrays& out) {
   return out.position != nullptr || out.mean_t != nullptr || out.mean_t_local != nullptr ||
-         out.log_scale != nullptr || out.rotor != nullptr || out.opacity != nullptr;
+         out.window != nullptr || out.log_scale != nullptr || out.rotor != nullptr ||
+         out.opacity != nullptr;
 }
 
 }  // namespace
@@ -59,7 +61,8 @@ cudaError_t launch_expand(const DeviceRequest& request, const ExpandLaunch& laun
   if (launch.num_blocks == 0) return cudaSuccess;
   const bool geometry = has_geometry(out);
   if (geometry) {
-    geometry_kernel<<<launch.num_blocks, kExpandThreads, 0, stream>>>(request, out);
+    const auto kernel = launch.windows ? geometry_kernel<true> : geometry_kernel<false>;
+    kernel<<<launch.num_blocks, kExpandThreads, 0, stream>>>(request, out);
     const cudaError_t error = cudaGetLastError();
     if (error != cudaSuccess) return error;
   }

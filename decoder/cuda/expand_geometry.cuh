@@ -5,6 +5,7 @@
 
 #include "decoder/cuda/components.cuh"
 #include "decoder/cuda/values.cuh"
+#include "decoder/cuda/windows.cuh"
 #include "libl4dcodec/math/rotor.h"
 #include "libl4dcodec/scene/attributes.h"
 
@@ -72,20 +73,39 @@ __device__ inline float local_mean_time(const DeviceRequest& request, const Devi
                          layer.mean_t_fine != 0 ? request.columns.mean_t_fine[slot] : uint16_t{0});
 }
 
+// The mean time of a window is its middle. kWindows: some layers of the request are flat.
+template <bool kWindows>
+__device__ void expand_times(const DeviceRequest& request, const ExpandBlock& block,
+                             const DeviceArrays& out, size_t slot, size_t gaussian) {
+  const DeviceLayer& layer = *block.layer;
+  const double center = block.page->center;
+  FrameWindow window;
+  float local;
+  double mean;
+  if (kWindows && layer.flat != 0) {
+    window = window_of(request, layer, *block.page, slot);
+    mean = window_middle(request.timeline, window);
+    local = static_cast<float>(mean - center);
+  } else {
+    local = local_mean_time(request, layer, block.page->width, slot);
+    mean = center + static_cast<double>(local);
+  }
+  if (out.mean_t_local != nullptr) out.mean_t_local[gaussian] = local;
+  if (out.mean_t != nullptr) out.mean_t[gaussian] = static_cast<float>(mean);
+  if (out.window != nullptr) store_window(window, gaussian, out.window);
+}
+
 // All attributes of Gaussian i of a block but SH and rotor.
-__device__ inline void expand_place(const DeviceRequest& request, const ExpandBlock& block,
-                                    const DeviceArrays& out, uint32_t i) {
+template <bool kWindows>
+__device__ void expand_place(const DeviceRequest& request, const ExpandBlock& block,
+                             const DeviceArrays& out, uint32_t i) {
   const DeviceLayer& layer = *block.layer;
   const size_t slot = block.slot(i), gaussian = block.gaussian(i);
   if (out.position != nullptr) {
     expand_position(layer, request.columns.morton[slot], out.position + 3 * gaussian);
   }
-  if (out.mean_t != nullptr || out.mean_t_local != nullptr) {
-    const float local = local_mean_time(request, layer, block.page->width, slot);
-    if (out.mean_t_local != nullptr) out.mean_t_local[gaussian] = local;
-    if (out.mean_t != nullptr) {
-      out.mean_t[gaussian] = static_cast<float>(block.page->center + static_cast<double>(local));
-    }
+  if (out.mean_t != nullptr || out.mean_t_local != nullptr || out.window != nullptr) {
+    expand_times<kWindows>(request, block, out, slot, gaussian);
   }
   if (out.opacity != nullptr) {
     const float opacity = scalar(layer.opacity, request.columns.opacity, slot);
@@ -97,15 +117,16 @@ __device__ inline void expand_place(const DeviceRequest& request, const ExpandBl
 }
 
 // All attributes but SH. Rotors are half of the work: threads take them apart from the rest.
-__device__ inline void expand_geometry(const DeviceRequest& request, const DeviceArrays& out,
-                                       uint32_t index) {
+template <bool kWindows>
+__device__ void expand_geometry(const DeviceRequest& request, const DeviceArrays& out,
+                                uint32_t index) {
   static_assert(kExpandGaussians % 32 == 0, "a warp does one thing");
   const ExpandBlock block(request, index);
   for (uint32_t e = threadIdx.x; e < 2 * kExpandGaussians; e += kExpandThreads) {
     const uint32_t i = e % kExpandGaussians;
     if (i >= block.count) continue;
     if (e < kExpandGaussians) {
-      expand_place(request, block, out, i);
+      expand_place<kWindows>(request, block, out, i);
     } else if (out.rotor != nullptr) {
       expand_rotor(request, block, block.slot(i), out.rotor + 8 * block.gaussian(i));
     }

@@ -17,19 +17,19 @@ uint64_t aligned(uint64_t bytes) { return (bytes + kAlignment - 1) / kAlignment 
 }  // namespace
 
 Status HostDecode::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
-  l4d_cuda_gaussian_buffers arrays{};
   struct Part {
-    float* host;
-    float** device;
-    size_t numbers;
+    void* host;
+    size_t bytes;  // of a Gaussian
     uint32_t attribute;
+    void* device;
   };
   std::vector<Part> parts;
   for_each_decoded(
-      [&](const AttributeInfo& a, float* host, float*& device) {
-        parts.push_back({host, &device, a.dim != 0 ? a.dim : sh_dim_, a.flag});
+      [&](const AttributeInfo& a, float* host) {
+        parts.push_back({host, (a.dim != 0 ? a.dim : sh_dim_) * sizeof(float), a.flag, nullptr});
       },
-      *out, arrays);
+      *out);
+  parts.push_back({out->window, 2 * sizeof(uint32_t), L4D_CUDA_MEAN_T, nullptr});
   l4d_cuda_request request{};
   request.struct_size = sizeof(request);
   request.forms = L4D_CUDA_FORM_EXPANDED;
@@ -45,23 +45,29 @@ Status HostDecode::decode(const l4d_query& query, l4d_gaussian_buffers* out) {
   }
   uint64_t bytes = aligned(request.workspace_bytes);
   for (const Part& part : parts) {
-    if (part.host != nullptr) bytes += aligned(n * part.numbers * sizeof(float));
+    if (part.host != nullptr) bytes += aligned(n * part.bytes);
   }
   L4D_RETURN_IF_ERROR(memory_.reserve(std::max<uint64_t>(bytes, kAlignment)));
   unsigned char* at = memory_.as<unsigned char>() + aligned(request.workspace_bytes);
-  for (const Part& part : parts) {
+  for (Part& part : parts) {
     if (part.host == nullptr) continue;
-    *part.device = reinterpret_cast<float*>(at);
-    at += aligned(n * part.numbers * sizeof(float));
+    part.device = at;
+    at += aligned(n * part.bytes);
   }
+  l4d_cuda_gaussian_buffers arrays{};
+  auto next = parts.begin();
+  for_each_decoded(
+      [&](const AttributeInfo&, float*& array) { array = static_cast<float*>(next++->device); },
+      arrays);
+  arrays.window = static_cast<uint32_t*>(next->device);
   arrays.struct_size = sizeof(arrays);
   arrays.capacity = n;
   L4D_RETURN_IF_ERROR(device_.decode(arrays, memory_.data(), request.workspace_bytes, nullptr));
   L4D_RETURN_IF_ERROR(device_.finish());
   for (const Part& part : parts) {
     if (part.host == nullptr) continue;
-    L4D_RETURN_IF_CUDA_ERROR(cudaMemcpy(part.host, *part.device, n * part.numbers * sizeof(float),
-                                        cudaMemcpyDeviceToHost));
+    L4D_RETURN_IF_CUDA_ERROR(
+        cudaMemcpy(part.host, part.device, n * part.bytes, cudaMemcpyDeviceToHost));
   }
   if (out->id != nullptr) write_ids(*device_.plan(), out->id);
   const std::vector<l4d_bucket_span>& spans = device_.plan()->spans;

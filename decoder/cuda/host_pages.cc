@@ -6,6 +6,7 @@
 
 #include "decoder/read/page_reads.h"
 #include "l4d/attributes.hpp"
+#include "l4d/experimental/packed.h"
 
 namespace l4d::cuda {
 
@@ -40,6 +41,8 @@ Status HostPages::expand(const Plan& plan, uint32_t attributes, MemoryCharge* ch
         if ((attributes & a.flag) != 0) numbers += a.numbers(degree);
       },
       expanded_);
+  const bool windows = (attributes & L4D_CUDA_MEAN_T) != 0 && file_.header().has_windows();
+  if (windows) numbers += 2;  // as wide as floats
   const uint64_t bytes = n * numbers * sizeof(float);
   L4D_RETURN_IF_ERROR(charge->take(bytes, "pages that the host decodes"));
   L4D_RETURN_IF_ERROR(expanded_memory_.reserve(static_cast<size_t>(bytes)));
@@ -51,6 +54,7 @@ Status HostPages::expand(const Plan& plan, uint32_t attributes, MemoryCharge* ch
         next += n * a.numbers(degree);
       },
       expanded_);
+  if (windows) expanded_.window = reinterpret_cast<uint32_t*>(next);
   expanded_.capacity = n;
   PageDecoder pages(file_, decode_kernels_simd(), threads_);
   uint64_t rows = 0;
@@ -88,9 +92,12 @@ Status HostPages::pack(const Plan& plan, uint32_t attributes, MemoryCharge* char
     row_bytes += wanted(component_attribute(c)) ? sizeof(uint8_t) : 0;  // depths
   }
   for (const Column& c : columns) row_bytes += c.wanted ? c.numbers * sizeof(uint16_t) : 0;
+  const bool windows = wanted(L4D_CUDA_MEAN_T) && header.has_windows();
+  if (windows) row_bytes += 2 * sizeof(uint32_t);
   L4D_RETURN_IF_ERROR(charge->take(n * row_bytes, "pages that the host decodes"));
   L4D_RETURN_IF_ERROR(packed_memory_.reserve(static_cast<size_t>(n * row_bytes)));
-  uint16_t* next = packed_memory_.as<uint16_t>();
+  if (windows) packed_.window = packed_memory_.as<uint32_t>();
+  uint16_t* next = packed_memory_.as<uint16_t>() + (windows ? 4 * n : 0);
   for (const Column& c : columns) {
     if (!c.wanted) continue;
     *c.array = next;

@@ -9,6 +9,7 @@
 #include "decoder/expand/page_decoder.h"
 #include "decoder/read/plan.h"
 #include "l4d/cuda.h"
+#include "l4d/experimental/packed.h"
 #include "libl4dcodec/cuda/device.h"
 
 namespace l4d::cuda {

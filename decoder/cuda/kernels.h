@@ -28,6 +28,7 @@ struct ExpandLaunch {
   uint32_t num_blocks = 0;
   unsigned sh_dim = 0;
   bool sh_transform = false;
+  bool windows = false;  // some layers are flat
 };
 cudaError_t launch_expand(const DeviceRequest& request, const ExpandLaunch& launch,
                           const DeviceArrays& out, cudaStream_t stream);

@@ -35,6 +35,11 @@ DeviceLayer device_layer(const SceneHeader& header, const LayerHeader& layer) {
   out.mean_t_zero = layer.mean_t_zero;
   out.mean_t_fine = layer.mean_t_fine ? 1 : 0;
   out.mean_t_step = layer.mean_t_step;
+  out.flat = layer.flat() ? 1 : 0;
+  for (size_t k = 0; k < kWindowColumns; ++k) {
+    out.window_columns |= layer.window_width(k) > 0 ? 1u << k : 0;
+  }
+  out.window_length = layer.window_length;
   out.permanent = layer.permanent ? 1 : 0;
   out.stereographic = SceneHeader::stereographic_rotor(layer) ? 1 : 0;
   std::copy_n(header.position_center, 3, out.position_center);
@@ -57,6 +62,8 @@ uint32_t channel_limit(const SceneHeader& header, const LayerHeader& layer,
   switch (spec.kind) {
     case ChannelKind::kMeanT:
       return 1u << layer.mean_t_width();
+    case ChannelKind::kWindow:
+      return 1u << layer.window_width(spec.index);
     case ChannelKind::kOpacity:
       return 1u << header.opacity.bits;
     case ChannelKind::kScaleFactor:

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "decoder/cuda/components.cuh"
+#include "decoder/cuda/windows.cuh"
 
 namespace l4d::cuda {
 
@@ -72,6 +73,10 @@ __device__ inline void pack_rows(const DeviceRequest& request, const PackedArray
   if (active && out.scale_factor != nullptr) {
     out.scale_factor[gaussian] =
         layer.scale_factor.is_coded != 0 ? request.columns.scale_factor[slot] : uint16_t{0};
+  }
+  if (active && out.window != nullptr) {
+    store_window(layer.flat != 0 ? window_of(request, layer, *block.page, slot) : FrameWindow(),
+                 gaussian, out.window);
   }
   const uint32_t piece = block.page->piece + block.first / kExpandGaussians;
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {

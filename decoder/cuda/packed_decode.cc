@@ -6,6 +6,7 @@
 
 #include "decoder/cuda/device_decoder.h"
 #include "decoder/read/find_codebook.h"
+#include "l4d/experimental/cuda_packed.h"
 
 namespace l4d::cuda {
 namespace {
@@ -16,6 +17,7 @@ PackedArrays packed_arrays(const l4d_cuda_packed_buffers& from) {
   to.mean_t = from.mean_t;
   to.opacity = from.opacity;
   to.scale_factor = from.scale_factor;
+  to.window = from.window;
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     const l4d_cuda_packed_component& component = from.component[c];
     to.component[c] = {component.depth, component.index, component.escape,
@@ -34,7 +36,8 @@ Status DeviceDecoder::decode_packed(const l4d_cuda_packed_buffers& out, void* wo
   std::vector<GivenArray> given = {{out.position, L4D_CUDA_POSITION},
                                    {out.mean_t, L4D_CUDA_MEAN_T},
                                    {out.opacity, L4D_CUDA_OPACITY},
-                                   {out.scale_factor, L4D_CUDA_LOG_SCALE}};
+                                   {out.scale_factor, L4D_CUDA_LOG_SCALE},
+                                   {out.window, L4D_CUDA_MEAN_T}};
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     const l4d_cuda_packed_component& component = out.component[c];
     for (const void* array :
@@ -84,7 +87,7 @@ Status DeviceDecoder::copy_packed_host_rows(const PackedArrays& out, cudaStream_
       }
     }
   }
-  return {};
+  return copy_host_windows(from.window, out.window, stream);
 }
 
 Status DeviceDecoder::check_escapes() const {

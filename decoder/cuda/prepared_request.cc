@@ -42,6 +42,7 @@ ExpandLaunch PreparedRequest::expand_launch() const {
   launch.num_blocks = static_cast<uint32_t>(request_.expands().size());
   launch.sh_dim = file_.header().sh_dim();
   launch.sh_transform = file_.header().sh.transform();
+  launch.windows = request_.has_windows();
   return launch;
 }
 
@@ -62,6 +63,7 @@ Status PreparedRequest::check(const uint32_t* faults) const {
       {"VQ-2", "an index is not below the number of codewords"},
       {"TRAN-5", "a step exponent is not below the number of step_exponents"},
       {"TRAN-6", "an EOB index is above the EOB table"},
+      {"WIND-3", "a window is empty or ends after the sequence"},
   };
   for (size_t i = 0; i < 2 * num_pages(); ++i) {
     if (faults[i] == kPageOk) continue;

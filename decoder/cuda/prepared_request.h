@@ -36,7 +36,8 @@ class PreparedRequest {
   const void* staging() const { return upload_.data(); }
   // The request in a workspace on the device.
   DeviceRequest device_request(unsigned char* workspace) const {
-    return cuda::device_request(request_, layout_, tables_.device_layers(), workspace);
+    return cuda::device_request(file_.header(), request_, layout_, tables_.device_layers(),
+                                workspace);
   }
   const ChannelsLaunch& channels_launch() const { return schedule_.launch; }
   ExpandLaunch expand_launch() const;

@@ -74,6 +74,7 @@ WorkspaceLayout lay_out(const SceneHeader& header, const DecodeRequest& request,
   placer.place(slots, &out.columns.morton);
   placer.place(slots, &out.columns.mean_t);
   placer.place(slots, &out.columns.mean_t_fine);
+  placer.place(request.has_windows() ? kWindowColumns * slots : 0, &out.columns.window);
   placer.place(slots, &out.columns.opacity);
   placer.place(slots, &out.columns.scale_factor);
   placer.place((header.sh.vq() ? 2 : 1) * request.num_states(), &out.columns.state);
@@ -120,8 +121,9 @@ std::vector<HostPiece> placed_host_pieces(const SceneHeader& header, const Decod
   return pieces;
 }
 
-DeviceRequest device_request(const DecodeRequest& request, const WorkspaceLayout& layout,
-                             const DeviceLayer* layers, unsigned char* workspace) {
+DeviceRequest device_request(const SceneHeader& header, const DecodeRequest& request,
+                             const WorkspaceLayout& layout, const DeviceLayer* layers,
+                             unsigned char* workspace) {
   DeviceRequest out{};
   out.layers = layers;
   out.upload = workspace;
@@ -136,11 +138,13 @@ DeviceRequest device_request(const DecodeRequest& request, const WorkspaceLayout
   out.num_expands = static_cast<uint32_t>(request.expands().size());
   out.num_host_pieces = static_cast<uint32_t>(request.host_pieces().size());
   out.num_pieces = request.num_pieces();
+  out.timeline = header.timeline;
   Columns& to = out.columns;
   const WorkspaceLayout::ColumnsAt& from = layout.columns;
   to.morton = from.morton.in(workspace);
   to.mean_t = from.mean_t.in(workspace);
   to.mean_t_fine = from.mean_t_fine.in(workspace);
+  to.window = from.window.in(workspace);
   to.opacity = from.opacity.in(workspace);
   to.scale_factor = from.scale_factor.in(workspace);
   to.state = from.state.in(workspace);

@@ -34,7 +34,7 @@ struct WorkspaceLayout {
   ArrayAt<EscapeSum> escapes;
   struct ColumnsAt {
     ArrayAt<uint64_t> morton;
-    ArrayAt<uint16_t> mean_t, mean_t_fine, opacity, scale_factor;
+    ArrayAt<uint16_t> mean_t, mean_t_fine, window, opacity, scale_factor;
     ArrayAt<uint32_t> state;
     struct Component {
       ArrayAt<uint8_t> head, eob_index;
@@ -57,7 +57,8 @@ std::vector<HostPiece> placed_host_pieces(const SceneHeader& header, const Decod
                                           const HostPages& host, const WorkspaceLayout& layout);
 
 // The request in a workspace on the device.
-DeviceRequest device_request(const DecodeRequest& request, const WorkspaceLayout& layout,
-                             const DeviceLayer* layers, unsigned char* workspace);
+DeviceRequest device_request(const SceneHeader& header, const DecodeRequest& request,
+                             const WorkspaceLayout& layout, const DeviceLayer* layers,
+                             unsigned char* workspace);
 
 }  // namespace l4d::cuda

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "decoder/expand/page_decoder.h"
+#include "l4d/experimental/packed.h"
 #include "libl4dcodec/container/levels.h"
 
 namespace l4d {

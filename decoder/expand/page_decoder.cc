@@ -2,6 +2,7 @@
 #include "decoder/expand/page_decoder.h"
 
 #include "decoder/read/page_batch.h"
+#include "l4d/experimental/inspect.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/container/page.h"
 
@@ -211,10 +212,7 @@ Status PageDecoder::collect_failures(const Pages& pages, Batch* batch) {
     const bool detail_only = batch->status[i].ok();
     Status& failure = detail_only ? batch->detail_status[i] : batch->status[i];
     if (failure.ok()) continue;
-    const PageRecord& record = pages.plan.tasks[batch->begin + i].record;
-    const ChunkRef& chunk = detail_only ? record.sh_detail : record.chunk;
-    failure = file_.source().after_check(std::move(failure), chunk.offset, chunk.stored_bytes,
-                                         file_.memory());
+    failure = file_.source().after_check(std::move(failure));
     if (pages.lost == nullptr || !is_loss(failure)) return std::move(failure);
     pages.lost->push_back({batch->begin + i, std::move(failure), detail_only});
     num_lost += !detail_only;
@@ -226,12 +224,14 @@ Status PageDecoder::collect_failures(const Pages& pages, Batch* batch) {
 Status PageDecoder::for_each_page(const Pages& pages, const Progress& progress,
                                   const PageBody& body) {
   L4D_RETURN_IF_ERROR(load_shared_codebooks(pages));
+  const ByteSource& source = file_.source();
+  const uint64_t max_gap =
+      std::max(max_read_gap(source, pages.plan, pages.with_detail()), source.block_bytes());
   Batch batch;
   batch.end = pages.begin;
   while (batch.end < pages.end) {
-    const uint64_t bytes =
-        batch.choose_next(file_.header(), pages.plan, pages.end, pages.with_detail(),
-                          file_.source().block_bytes(), Batch::kNotes);
+    const uint64_t bytes = batch.choose_next(file_.header(), pages.plan, pages.end,
+                                             pages.with_detail(), max_gap, Batch::kNotes);
     MemoryCharge charge(file_.memory());
     L4D_RETURN_IF_ERROR(charge.take(bytes, "a batch of pages"));
     L4D_RETURN_IF_ERROR(batch.read(file_.source(), pages.lost != nullptr));

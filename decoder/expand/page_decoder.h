@@ -13,6 +13,7 @@
 #include "decoder/expand/page_rules.h"
 #include "decoder/read/losses.h"
 #include "decoder/read/plan.h"
+#include "l4d/experimental/packed.h"
 #include "libl4dcodec/container/page.h"
 
 namespace l4d {

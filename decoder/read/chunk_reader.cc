@@ -17,8 +17,7 @@ Status ChunkReader::read(const ChunkRef& chunk, uint64_t max_raw_bytes, Bytes& s
   L4D_RETURN_IF_ERROR(source_.read(chunk.offset, chunk.stored_bytes, stored, &bytes));
   if (hash64(bytes) != chunk.hash) {
     return source_.after_check(
-        Status(L4D_ERR_CHECKSUM, "CHNK-2", chunk.offset, "checksum of a chunk does not match"),
-        chunk.offset, chunk.stored_bytes, memory_);
+        Status(L4D_ERR_CHECKSUM, "CHNK-2", chunk.offset, "checksum of a chunk does not match"));
   }
   return decode_chunk(decoder_, chunk.codec, bytes, chunk.raw_bytes, max_raw_bytes, chunk.offset,
                       storage, raw);

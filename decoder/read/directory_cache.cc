@@ -60,8 +60,7 @@ Status DirectoryCache::load(uint32_t layer, uint32_t index, ByteSpan bytes) {
   const uint64_t at =
       header_.layers[layer].page_table_offset + uint64_t{index} * PageTableEntry::kBytes;
   PageTableEntry entry;
-  L4D_RETURN_IF_ERROR(reader_.source().after_check(PageTableEntry::parse(bytes, at, &entry), at,
-                                                   PageTableEntry::kBytes, reader_.memory()));
+  L4D_RETURN_IF_ERROR(reader_.source().after_check(PageTableEntry::parse(bytes, at, &entry)));
   const ChunkRef& chunk = entry.chunk;
   MemoryCharge place(reader_.memory());
   L4D_RETURN_IF_ERROR(place.take(kEntryBytes, "a directory page"));

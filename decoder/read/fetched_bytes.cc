@@ -30,9 +30,9 @@ bool FetchedBytes::find(uint64_t offset, uint64_t n, ByteSpan* out) const {
   return true;
 }
 
-void FetchedBytes::keep_only(FetchedFor reason, const std::vector<l4d_byte_range>& wanted) {
+void FetchedBytes::keep_only(FetchedFor reason, const std::vector<ByteRange>& wanted) {
   std::vector<const Block*> kept;
-  for (const l4d_byte_range& range : wanted) {
+  for (const ByteRange& range : wanted) {
     const auto it = block_with(range.offset, range.size);
     if (it != blocks_.end()) kept.push_back(it->second.get());
   }

@@ -13,6 +13,10 @@
 
 namespace l4d {
 
+struct ByteRange {
+  uint64_t offset = 0, size = 0;  // in the file
+};
+
 // What bytes were fetched for, which says how long they stay.
 enum class FetchedFor {
   kStream,     // headers, tables and codebooks: while the stream is open
@@ -28,7 +32,7 @@ class FetchedBytes {
   bool find(uint64_t offset, uint64_t n, ByteSpan* out) const;
 
   // Drops blocks of `reason` that hold none of `wanted`.
-  void keep_only(FetchedFor reason, const std::vector<l4d_byte_range>& wanted);
+  void keep_only(FetchedFor reason, const std::vector<ByteRange>& wanted);
   // Drops the oldest blocks of `reason` while all of them take more than `bytes`.
   void limit(FetchedFor reason, uint64_t bytes);
   void clear() { blocks_.clear(); }

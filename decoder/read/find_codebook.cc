@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "decoder/read/find_codebook.h"
 
+#include "l4d/experimental/packed.h"
+
 namespace l4d {
 
 Status find_codebook(SceneFile& file, uint32_t layer, uint32_t component, uint32_t stage,

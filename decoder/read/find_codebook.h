@@ -3,6 +3,7 @@
 
 #include "decoder/read/scene_file.h"
 #include "l4d/decode.h"
+#include "l4d/experimental/packed.h"
 
 namespace l4d {
 

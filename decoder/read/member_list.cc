@@ -383,4 +383,42 @@ int MemberReader::read_many(void* user, const l4d_read* reads, size_t count) {
   return member.inner_.read_many(member.inner_.user, moved.data(), count);
 }
 
+namespace {
+
+const ListedMember* media_at(const std::vector<ListedMember>& members, double time) {
+  const ListedMember* before = nullptr;
+  for (const ListedMember& m : members) {
+    if (!m.is(MemberRole::kMedia)) continue;
+    if (m.begin > time) {
+      return before == nullptr || (time >= before->end && m.begin - time < time - before->end)
+                 ? &m
+                 : before;
+    }
+    before = &m;
+  }
+  return before;
+}
+
+}  // namespace
+
+Status find_shown(const std::vector<ListedMember>& members, const std::vector<uint32_t>& needs,
+                  double time, std::vector<uint32_t>* out) {
+  const ListedMember* media = media_at(members, time);
+  if (media == nullptr) return {};
+  out->push_back(static_cast<uint32_t>(media - members.data()));
+  for (uint32_t k = 0; k < media->num_needs; ++k) {
+    const uint32_t number = needs[media->first_need + k];
+    const auto it =
+        std::lower_bound(members.begin(), members.end(), number,
+                         [](const ListedMember& m, uint32_t n) { return m.number < n; });
+    if (it == members.end() || it->number != number) {
+      return Status(L4D_ERR_TRUNCATED, "MEMB-7", media->offset,
+                    "member " + std::to_string(media->number) + " needs member " +
+                        std::to_string(number) + ", which is not in this file");
+    }
+    out->push_back(static_cast<uint32_t>(it - members.begin()));
+  }
+  return {};
+}
+
 }  // namespace l4d

@@ -28,6 +28,12 @@ struct ListedMember {
   bool is(MemberRole r) const { return role == static_cast<uint32_t>(r); }
 };
 
+// Indices of what shows a time: the media member, the last one that begins by then or the one after
+// it if that is nearer, then those that it needs. Empty if there is no media member. Members are in
+// the order of their numbers and spans; `needs` holds numbers.
+Status find_shown(const std::vector<ListedMember>& members, const std::vector<uint32_t>& needs,
+                  double time, std::vector<uint32_t>* out);
+
 // What a member says of itself: its headers, and the chunks of extensions that members have.
 struct MemberHeader {
   ListedMember listed;

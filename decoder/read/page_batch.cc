@@ -8,7 +8,7 @@
 namespace l4d {
 
 uint64_t PageBatch::choose_next(const SceneHeader& header, const Plan& plan, size_t last,
-                                bool with_detail, uint64_t block_bytes, uint64_t notes) {
+                                bool with_detail, uint64_t max_gap, uint64_t notes) {
   begin = end;
   reads.clear();
   uint64_t bytes = 0;  // stored, decoded and noted
@@ -23,7 +23,7 @@ uint64_t PageBatch::choose_next(const SceneHeader& header, const Plan& plan, siz
     stored += parts;
     reads.add(record, end - begin, with_detail);
   }
-  reads.finish(std::max(max_read_gap(plan, with_detail), block_bytes));
+  reads.finish(max_gap);
   const uint64_t gaps = reads.bytes() - stored;
   return bytes + gaps + reads.parts().size() * (sizeof(PageChunk) + sizeof(ChunkRun));
 }

@@ -18,10 +18,10 @@ struct PageBatch {
   std::vector<Status> status, detail_status;  // [end - begin]
 
   // Takes pages from where the batch ended, up to `last`, and chooses what to read of them, over
-  // gaps of `block_bytes` at least. Returns what that takes in memory, with `notes` bytes for each
+  // gaps of up to `max_gap` bytes. Returns what that takes in memory, with `notes` bytes for each
   // page.
   uint64_t choose_next(const SceneHeader& header, const Plan& plan, size_t last, bool with_detail,
-                       uint64_t block_bytes, uint64_t notes);
+                       uint64_t max_gap, uint64_t notes);
   // With `tolerant`, a part that cannot be read does not keep the others from being read: its
   // status tells.
   Status read(ByteSource& source, bool tolerant);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <string>
+#include <tuple>
 
 #include "libl4dcodec/base/hash.h"
 #include "libl4dcodec/container/page.h"
@@ -32,8 +33,9 @@ void PageReads::add(const PageRecord& record, size_t page, bool with_detail) {
 }
 
 void PageReads::finish(uint64_t max_gap) {
-  std::stable_sort(parts_.begin(), parts_.end(), [](const PageChunk& a, const PageChunk& b) {
-    return a.chunk.offset < b.chunk.offset;
+  // In the order of pages, where parts begin at the same byte: a stable sort takes more code.
+  std::sort(parts_.begin(), parts_.end(), [](const PageChunk& a, const PageChunk& b) {
+    return std::tie(a.chunk.offset, a.page, a.detail) < std::tie(b.chunk.offset, b.page, b.detail);
   });
   runs_.clear();
   for (size_t i = 0; i < parts_.size(); ++i) {
@@ -58,7 +60,8 @@ uint64_t PageReads::bytes() const {
   return bytes;
 }
 
-uint64_t max_read_gap(const Plan& plan, bool with_detail) {
+uint64_t max_read_gap(const ByteSource& source, const Plan& plan, bool with_detail) {
+  if (source.has_gaps()) return 0;
   // What lies between may be the very parts that are not wanted.
   return !with_detail && plan.sh_bytes > 0 ? 0 : kMaxReadGap;
 }

@@ -43,7 +43,7 @@ class PageReads {
 };
 
 // Gap that reads of a plan's pages, all of them or some, may bridge.
-uint64_t max_read_gap(const Plan& plan, bool with_detail);
+uint64_t max_read_gap(const ByteSource& source, const Plan& plan, bool with_detail);
 
 inline ByteSpan bytes_of_chunk(const ChunkRun& run, ByteSpan run_bytes, const PageChunk& part) {
   return run_bytes.subspan(static_cast<size_t>(part.chunk.offset - run.offset),

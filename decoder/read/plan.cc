@@ -254,7 +254,7 @@ Status make_plan(SceneFile& file, const l4d_query& query, Losses* losses, Plan* 
   out->clear();
   QueryBuckets& buckets = out->scratch.buckets;
   L4D_RETURN_IF_ERROR(find_query_buckets(file.header(), query, &buckets));
-  out->detail = query.detail;
+  out->detail = query.point.detail;
   Planner planner(file, buckets.interval, query.whole_buckets != 0, losses, out);
   for (size_t i = 0; i < buckets.runs.size(); ++i) {
     const BucketRun& run = buckets.runs[i];

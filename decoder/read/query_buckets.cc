@@ -41,8 +41,12 @@ Status check_buckets(const l4d_query& query, const SceneHeader& header) {
   return {};
 }
 
+// count: 0 = all
+bool is_beyond(uint32_t number, uint32_t count) { return count != 0 && number >= count; }
+
 bool leaves_out(const l4d_query& query, const LayerHeader& layer) {
-  return layer.level > query.max_level || layer.tier > query.max_tier || layer.num_gaussians == 0;
+  return is_beyond(layer.level, query.point.levels) || is_beyond(layer.tier, query.point.tiers) ||
+         layer.num_gaussians == 0;
 }
 
 // Buckets that follow each other make one run.
@@ -66,7 +70,7 @@ void add_listed_buckets(const l4d_query& query, const SceneHeader& header,
 Status find_query_buckets(const SceneHeader& header, const l4d_query& query, QueryBuckets* out) {
   out->interval = Interval();
   out->runs.clear();
-  if (query.detail > L4D_DETAIL_BASE_COLOR) return invalid_argument("unknown detail");
+  if (query.point.detail > L4D_DETAIL_BASE_COLOR) return invalid_argument("unknown detail");
   if (query.whole_buckets > 1) return invalid_argument("whole_buckets is 0 or 1");
   L4D_RETURN_IF_ERROR(query_interval(query, header.timeline, &out->interval));
   if (query.kind == L4D_QUERY_BUCKETS) {

@@ -12,7 +12,7 @@ namespace {
 
 class QueryReads {
  public:
-  QueryReads(SceneFile& file, std::vector<l4d_byte_range>* out)
+  QueryReads(SceneFile& file, std::vector<ByteRange>* out)
       : file_(file), out_(*out), memory_(file.memory()) {}
 
   Status add_page_tables(const QueryBuckets& buckets) {
@@ -25,7 +25,7 @@ class QueryReads {
     return {};
   }
 
-  Status add_directory(const QueryBuckets& buckets, bool tolerant) {
+  Status add_directory(const QueryBuckets& buckets) {
     constexpr uint32_t kWindow = 4096;
     Bytes storage;
     for (const BucketRun& run : buckets.runs) {
@@ -36,16 +36,15 @@ class QueryReads {
         const Status status =
             file_.source().read(table_offset(run.layer, begin),
                                 uint64_t{end - begin} * PageTableEntry::kBytes, storage, &table);
-        if (!status.ok() && !(tolerant && is_loss(status))) return status;
-        if (status.ok()) L4D_RETURN_IF_ERROR(add_entries(run.layer, begin, table, tolerant));
+        if (!status.ok() && !is_loss(status)) return status;
+        if (status.ok()) L4D_RETURN_IF_ERROR(add_entries(run.layer, begin, table));
       }
     }
     return {};
   }
 
-  // Pages and RCQ tables of all tasks, or of those whose span is wanted. joined: in the runs in
-  // which a decoder reads them all.
-  Status add_chunks(const Plan& plan, bool joined, const std::vector<bool>* wanted) {
+  // Pages and RCQ tables of the tasks whose span is wanted.
+  Status add_chunks(const Plan& plan, const std::vector<bool>& wanted) {
     const bool with_detail = plan.detail == L4D_DETAIL_FULL;
     MemoryCharge scratch(file_.memory());
     L4D_RETURN_IF_ERROR(scratch.take(2 * plan.tasks.size() * (sizeof(PageChunk) + sizeof(ChunkRun)),
@@ -54,7 +53,7 @@ class QueryReads {
     const BlockRecord* last_block = nullptr;
     for (size_t t = 0; t < plan.tasks.size(); ++t) {
       const PageTask& task = plan.tasks[t];
-      if (wanted != nullptr && !(*wanted)[task.span]) continue;
+      if (!wanted[task.span]) continue;
       reads.add(task.record, t, with_detail);
       const BlockRecord* const block = task.block();
       if (block == nullptr || block == last_block) continue;
@@ -63,12 +62,7 @@ class QueryReads {
         if (table.num_entries > 0) L4D_RETURN_IF_ERROR(add(table.chunk));
       }
     }
-    if (joined) {
-      reads.finish(max_read_gap(plan, with_detail));
-      for (const ChunkRun& run : reads.runs()) L4D_RETURN_IF_ERROR(add(run.offset, run.bytes));
-    } else {
-      for (const PageChunk& part : reads.parts()) L4D_RETURN_IF_ERROR(add(part.chunk));
-    }
+    for (const PageChunk& part : reads.parts()) L4D_RETURN_IF_ERROR(add(part.chunk));
     return {};
   }
 
@@ -116,22 +110,6 @@ class QueryReads {
     return {};
   }
 
-  // Ascending, with at least a byte between two.
-  void finish() {
-    std::sort(out_.begin(), out_.end(),
-              [](const l4d_byte_range& a, const l4d_byte_range& b) { return a.offset < b.offset; });
-    size_t kept = 0;
-    for (const l4d_byte_range& range : out_) {
-      if (kept > 0 && range.offset <= out_[kept - 1].offset + out_[kept - 1].size) {
-        l4d_byte_range& before = out_[kept - 1];
-        before.size = std::max(before.size, range.offset + range.size - before.offset);
-      } else {
-        out_[kept++] = range;
-      }
-    }
-    out_.resize(kept);
-  }
-
  private:
   struct Entries {
     uint32_t first = 0, end = 0;
@@ -153,12 +131,11 @@ class QueryReads {
     return {first, static_cast<uint32_t>(std::max<uint64_t>(end, first))};
   }
 
-  Status add_entries(uint32_t layer, uint32_t first, ByteSpan table, bool tolerant) {
+  Status add_entries(uint32_t layer, uint32_t first, ByteSpan table) {
     for (size_t at = 0; at < table.size(); at += PageTableEntry::kBytes) {
       PageTableEntry entry;
       const Status status = PageTableEntry::parse(table.subspan(at, PageTableEntry::kBytes),
                                                   table_offset(layer, first) + at, &entry);
-      if (!status.ok() && !tolerant) return status;
       if (status.ok()) L4D_RETURN_IF_ERROR(add(entry.chunk));
     }
     return {};
@@ -186,61 +163,46 @@ class QueryReads {
     // A vector that grows holds the old elements, the new ones and room for as many again.
     if (out_.size() == out_.capacity()) {
       const uint64_t more = std::max<uint64_t>(out_.size(), 64);
-      L4D_RETURN_IF_ERROR(memory_.take(3 * more * sizeof(l4d_byte_range), "the reads of a query"));
+      L4D_RETURN_IF_ERROR(memory_.take(3 * more * sizeof(ByteRange), "the reads of a query"));
     }
     out_.push_back({offset, bytes});
     return {};
   }
 
   SceneFile& file_;
-  std::vector<l4d_byte_range>& out_;
+  std::vector<ByteRange>& out_;
   MemoryCharge memory_;
 };
 
 }  // namespace
 
-Status find_query_reads(SceneFile& file, const l4d_query& query, uint32_t step, Losses* losses,
-                        std::vector<l4d_byte_range>* out) {
-  if (step > L4D_READS_ALL) return invalid_argument("unknown step");
-  out->clear();
-  QueryBuckets buckets;
-  L4D_RETURN_IF_ERROR(find_query_buckets(file.header(), query, &buckets));
-  QueryReads reads(file, out);
-  L4D_RETURN_IF_ERROR(reads.add_page_tables(buckets));
-  if (step >= L4D_READS_DIRECTORY) {
-    L4D_RETURN_IF_ERROR(reads.add_directory(buckets, losses != nullptr));
-  }
-  if (step >= L4D_READS_ALL) {
-    Plan plan;
-    L4D_RETURN_IF_ERROR(make_plan(file, query, losses, &plan));
-    L4D_RETURN_IF_ERROR(reads.add_chunks(plan, true, nullptr));
-    L4D_RETURN_IF_ERROR(reads.add_tables_of(plan));
-  }
-  reads.finish();
-  return {};
-}
-
 Status find_table_reads(SceneFile& file, uint64_t max_page_table_bytes,
-                        std::vector<l4d_byte_range>* out) {
+                        std::vector<ByteRange>* out) {
   out->clear();
   return QueryReads(file, out).add_stream(max_page_table_bytes);
 }
 
+Status find_page_table_reads(SceneFile& file, const QueryBuckets& buckets,
+                             std::vector<ByteRange>* out) {
+  out->clear();
+  return QueryReads(file, out).add_page_tables(buckets);
+}
+
 Status find_directory_reads(SceneFile& file, const QueryBuckets& buckets,
-                            std::vector<l4d_byte_range>* out) {
+                            std::vector<ByteRange>* out) {
   out->clear();
   QueryReads reads(file, out);
   L4D_RETURN_IF_ERROR(reads.add_page_tables(buckets));
-  return reads.add_directory(buckets, true);
+  return reads.add_directory(buckets);
 }
 
 Status find_chunk_reads(SceneFile& file, const Plan& plan, const std::vector<bool>& wanted,
-                        std::vector<l4d_byte_range>* out) {
+                        std::vector<ByteRange>* out) {
   out->clear();
-  return QueryReads(file, out).add_chunks(plan, false, &wanted);
+  return QueryReads(file, out).add_chunks(plan, wanted);
 }
 
-Status find_plan_table_reads(SceneFile& file, const Plan& plan, std::vector<l4d_byte_range>* out) {
+Status find_plan_table_reads(SceneFile& file, const Plan& plan, std::vector<ByteRange>* out) {
   out->clear();
   return QueryReads(file, out).add_tables_of(plan);
 }

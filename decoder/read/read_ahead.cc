@@ -12,9 +12,9 @@ namespace {
 // entropy tables likewise.
 constexpr uint64_t kMaxIndexBlocks = 8;
 
-uint64_t sum_of(const std::vector<l4d_byte_range>& ranges) {
+uint64_t sum_of(const std::vector<ByteRange>& ranges) {
   uint64_t bytes = 0;
-  for (const l4d_byte_range& range : ranges) bytes += range.size;
+  for (const ByteRange& range : ranges) bytes += range.size;
   return bytes;
 }
 
@@ -24,7 +24,7 @@ void fetch_index(SceneFile& file) {
   ByteSource& source = file.source();
   if (!source.fetches()) return;
   const uint64_t most = kMaxIndexBlocks * source.block_bytes();
-  std::vector<l4d_byte_range> tables, directory;
+  std::vector<ByteRange> tables, directory;
   if (!find_table_reads(file, most, &tables).ok() || sum_of(tables) > most) return;
   source.fetch(std::move(tables), FetchedFor::kStream, file.memory());
   // Reading entries asks for nothing: either they are at hand, or there are too many.
@@ -50,20 +50,19 @@ void fetch_directory(SceneFile& file, const l4d_query& needed, const l4d_query& 
     at_hand = at_hand && file.directory().holds(run.layer, run.buckets.first >> bits,
                                                 run.buckets.last >> bits);
   }
-  std::vector<l4d_byte_range> ranges;
-  if (at_hand || !find_query_reads(file, query, L4D_READS_PAGE_TABLES, nullptr, &ranges).ok()) {
+  std::vector<ByteRange> ranges;
+  if (at_hand || !find_query_buckets(file.header(), query, &buckets).ok() ||
+      !find_page_table_reads(file, buckets, &ranges).ok()) {
     return;
   }
   file.source().fetch(std::move(ranges), FetchedFor::kPageTable, file.memory());
-  if (!find_query_buckets(file.header(), query, &buckets).ok() ||
-      !find_directory_reads(file, buckets, &ranges).ok()) {
-    return;
-  }
+  if (!find_directory_reads(file, buckets, &ranges).ok()) return;
   file.source().fetch(std::move(ranges), FetchedFor::kDirectory, file.memory());
 }
 
 void fetch_chunks(SceneFile& file, const Plan& plan, const std::vector<bool>& wanted) {
-  std::vector<l4d_byte_range> ranges;
+  if (!file.source().fetches()) return;
+  std::vector<ByteRange> ranges;
   if (!find_plan_table_reads(file, plan, &ranges).ok()) return;
   file.source().fetch(std::move(ranges), FetchedFor::kStream, file.memory());
   if (!find_chunk_reads(file, plan, wanted, &ranges).ok()) return;
@@ -73,9 +72,9 @@ void fetch_chunks(SceneFile& file, const Plan& plan, const std::vector<bool>& wa
 }
 
 bool are_chunks_fetched(SceneFile& file, const Plan& plan, const std::vector<bool>& wanted) {
-  std::vector<l4d_byte_range> ranges;
+  std::vector<ByteRange> ranges;
   if (!find_chunk_reads(file, plan, wanted, &ranges).ok()) return false;
-  for (const l4d_byte_range& range : ranges) {
+  for (const ByteRange& range : ranges) {
     if (!file.source().is_fetched(range.offset, range.size)) return false;
   }
   return true;

@@ -29,10 +29,9 @@ Status SceneFile::open() {
   L4D_RETURN_IF_ERROR(reader_.source().read(file_header_.header_offset, file_header_.header_bytes,
                                             storage, &bytes));
   if (hash64(bytes) != file_header_.header_hash) {
-    return reader_.source().after_check(
-        Status(L4D_ERR_CHECKSUM, "FILE-6", file_header_.header_offset,
-               "checksum of the scene header does not match"),
-        file_header_.header_offset, file_header_.header_bytes, reader_.memory());
+    return reader_.source().after_check(Status(L4D_ERR_CHECKSUM, "FILE-6",
+                                               file_header_.header_offset,
+                                               "checksum of the scene header does not match"));
   }
   L4D_RETURN_IF_ERROR(parse_scene_header(bytes, file_header_.header_offset, &header_));
   if (header_.needs_members && limits_.accept_needs == 0) {

@@ -8,15 +8,15 @@ namespace l4d {
 namespace {
 
 // Ranges of the file, in its order, as few as there are gaps of more than max_gap bytes.
-std::vector<l4d_byte_range> joined(std::vector<l4d_byte_range> ranges, uint64_t max_gap) {
-  std::sort(ranges.begin(), ranges.end(), [](const l4d_byte_range& a, const l4d_byte_range& b) {
+std::vector<ByteRange> joined(std::vector<ByteRange> ranges, uint64_t max_gap) {
+  std::sort(ranges.begin(), ranges.end(), [](const ByteRange& a, const ByteRange& b) {
     return a.offset < b.offset || (a.offset == b.offset && a.size > b.size);
   });
   size_t kept = 0;
-  for (const l4d_byte_range& range : ranges) {
+  for (const ByteRange& range : ranges) {
     const uint64_t range_end = range.offset + range.size;
     if (kept > 0) {
-      l4d_byte_range& before = ranges[kept - 1];
+      ByteRange& before = ranges[kept - 1];
       const uint64_t end = before.offset + before.size;
       if (range_end <= end) continue;
       const bool near = range.offset <= end || range.offset - end <= max_gap;
@@ -53,52 +53,10 @@ Status ByteSource::from_reader(const l4d_reader& reader, ByteSource* out) {
   return {};
 }
 
-ByteSource ByteSource::from_supplies(uint64_t size) {
-  ByteSource s;
-  s.is_supplied_ = true;
-  s.size_ = size > 0 ? size : UINT64_MAX;
-  return s;
-}
-
-Status ByteSource::supply(uint64_t offset, ByteSpan data, MemoryBudget& memory) {
-  if (offset > size_ || data.size() > size_ - offset) {
-    return invalid_argument("supplied bytes lie behind the end of the file");
-  }
-  supplied_.make_room(data.size(), memory);
-  return supplied_.add(offset, data, memory);
-}
-
-Status ByteSource::after_check(Status status, uint64_t offset, uint64_t n, MemoryBudget& memory) {
-  if (status.code() != L4D_ERR_CHECKSUM) return status;
-  distrust();
-  if (!is_supplied_ || is_lost(offset)) return status;
-  drop(offset, n, memory);
-  if (++rejected_[offset] > 1) return status;
-  return Status(L4D_ERR_NEED_DATA, status.clause(), offset, "bytes were supplied wrong");
-}
-
-bool ByteSource::is_lost(uint64_t offset) const {
-  const auto it = rejected_.find(offset);
-  return it != rejected_.end() && it->second > 1;
-}
-
 Status ByteSource::read(uint64_t offset, uint64_t n, Bytes& storage, ByteSpan* out) {
   if (offset > size_ || n > size_ - offset) {
     return Status(L4D_ERR_TRUNCATED, "CHNK-1", offset,
                   std::to_string(n) + " bytes wanted, the file has " + std::to_string(size_));
-  }
-  if (is_supplied_) {
-    if (!supplied_.holds(offset, n)) {
-      if (is_lost(offset)) {
-        return Status(L4D_ERR_CHECKSUM, "CHNK-2", offset, "a chunk arrived wrong twice");
-      }
-      return Status(L4D_ERR_NEED_DATA, "", supplied_.gap_begin(offset),
-                    "bytes have not been supplied yet");
-    }
-    ++reads_;
-    bytes_read_ += n;
-    *out = supplied_.get(offset, n, storage);
-    return {};
   }
   if (reader_.read_at == nullptr) {
     ++reads_;
@@ -136,21 +94,20 @@ bool ByteSource::is_fetched(uint64_t offset, uint64_t n) const {
   return fetches() && fetched_.find(offset, n, &bytes);
 }
 
-void ByteSource::fetch(std::vector<l4d_byte_range> ranges, FetchedFor reason,
-                       MemoryBudget& memory) {
+void ByteSource::fetch(std::vector<ByteRange> ranges, FetchedFor reason, MemoryBudget& memory) {
   if (!fetches()) return;
   if (reason == FetchedFor::kBase) {
     fetched_.limit(reason, kMaxReadBytes);
   } else if (reason != FetchedFor::kStream) {
     fetched_.keep_only(reason, ranges);
   }
-  const auto not_wanted = [&](const l4d_byte_range& r) {
+  const auto not_wanted = [&](const ByteRange& r) {
     const bool in_file = r.offset <= size_ && r.size <= size_ - r.offset;
     return r.size == 0 || !in_file || is_fetched(r.offset, r.size);
   };
   ranges.erase(std::remove_if(ranges.begin(), ranges.end(), not_wanted), ranges.end());
   std::vector<l4d_read> reads;
-  for (const l4d_byte_range& run : joined(std::move(ranges), block_bytes())) {
+  for (const ByteRange& run : joined(std::move(ranges), block_bytes())) {
     unsigned char* const to = fetched_.add(run.offset, run.size, reason, memory);
     if (to == nullptr) break;
     reads.push_back({run.offset, static_cast<size_t>(run.size), to});

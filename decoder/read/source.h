@@ -3,11 +3,9 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <map>
 #include <vector>
 
 #include "decoder/read/fetched_bytes.h"
-#include "decoder/read/supplied_bytes.h"
 #include "l4d/decode.h"
 #include "libl4dcodec/base/bytes.h"
 #include "libl4dcodec/base/memory.h"
@@ -18,15 +16,12 @@ namespace l4d {
 // Neighbouring parts of a file are read in runs of no more than about this size.
 constexpr uint64_t kMaxReadBytes = uint64_t{32} << 20;
 
-// The bytes of a stream: host memory (no copy), a reader callback, or what a caller supplies when
-// it has it. Counts what it reads.
+// The bytes of a stream: host memory (no copy) or a reader callback. Counts what it reads.
 class ByteSource {
  public:
   ByteSource() = default;
   static ByteSource from_memory(ByteSpan data);
   static Status from_reader(const l4d_reader& reader, ByteSource* out);
-  // Of a file of `size` bytes, 0 if that is not known, of which none is here.
-  static ByteSource from_supplies(uint64_t size);
 
   uint64_t size() const { return size_; }
   // Bytes behind the first `bytes` are not of the stream.
@@ -37,12 +32,20 @@ class ByteSource {
   Status read(uint64_t offset, uint64_t n, Bytes& storage, ByteSpan* out);
 
   // How many bytes are worth one more read, 0 if reads cost nothing. Only then fetch() fetches.
+#ifdef L4D_PLAYER_ONLY
+  static constexpr uint64_t block_bytes() { return 0; }
+#else
   uint64_t block_bytes() const { return reader_.block_bytes; }
+#endif
   bool fetches() const { return block_bytes() > 0; }
+  // Whether bytes of the file may be missing in the source, so that no read goes over what nobody
+  // needs.
+  bool has_gaps() const { return has_gaps_; }
+  void set_gaps() { has_gaps_ = true; }
   // Reads ranges in few calls, so that read() needs none for any part of them. What was fetched
   // before stays as long as its reason says. What is held is not read again, what cannot be read or
   // does not fit into `memory` is left out: read() then says why.
-  void fetch(std::vector<l4d_byte_range> ranges, FetchedFor reason, MemoryBudget& memory);
+  void fetch(std::vector<ByteRange> ranges, FetchedFor reason, MemoryBudget& memory);
   // Whether read() needs no call.
   bool is_fetched(uint64_t offset, uint64_t n) const;
   // Drops what was fetched.
@@ -54,20 +57,11 @@ class ByteSource {
     trusted_ = true;
   }
 
-  // Of a source of supplies. Fails with INVALID_ARGUMENT where the range leaves the file.
-  bool is_supplied() const { return is_supplied_; }
-  Status supply(uint64_t offset, ByteSpan data, MemoryBudget& memory);
-  bool holds(uint64_t offset, uint64_t n) const { return supplied_.holds(offset, n); }
-  uint64_t gap_begin(uint64_t offset) const { return supplied_.gap_begin(offset); }
-  // Drops bytes that are not wanted any more. read() fails for them with NEED_DATA.
-  void drop(uint64_t offset, uint64_t n, MemoryBudget& memory) {
-    if (is_supplied_) supplied_.drop(offset, n, memory);
+  // What `status` says of bytes that were read. If that is CHECKSUM, they are read again later.
+  Status after_check(Status status) {
+    if (status.code() == L4D_ERR_CHECKSUM) distrust();
+    return status;
   }
-  // What `status` says of the n bytes at `offset`. If that is CHECKSUM and they were supplied, they
-  // are dropped, and the first time it becomes NEED_DATA, so that they are supplied once more.
-  Status after_check(Status status, uint64_t offset, uint64_t n, MemoryBudget& memory);
-  // Whether that has happened twice: nobody is asked for the bytes any more.
-  bool is_lost(uint64_t offset) const;
 
   uint64_t reads() const { return reads_; }
   uint64_t bytes_read() const { return bytes_read_; }
@@ -82,9 +76,7 @@ class ByteSource {
   uint64_t bytes_read_ = 0;
   FetchedBytes fetched_;
   bool trusted_ = true;
-  bool is_supplied_ = false;
-  SuppliedBytes supplied_;
-  std::map<uint64_t, int> rejected_;  // how often, by offset
+  bool has_gaps_ = false;
 };
 
 }  // namespace l4d

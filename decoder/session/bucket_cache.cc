@@ -41,21 +41,33 @@ void BucketCache::evict(uint64_t needed) {
     return bytes_ + needed <= stream_.options().cache_bytes &&
            stream_.file().memory().has_capacity(needed);
   };
-  while (!entries_.empty() && !fits()) {
-    auto oldest = entries_.end();
-    for (auto it = entries_.begin(); it != entries_.end(); ++it) {
-      if (it->second.last_use == clock_) continue;  // wanted by the query at hand
-      if (oldest == entries_.end() || it->second.last_use < oldest->second.last_use) oldest = it;
-    }
-    if (oldest == entries_.end()) return;
-    drop(oldest);
+  // What the query at hand wants is the newest.
+  while (oldest_ != nullptr && oldest_->last_use != clock_ && !fits()) {
+    const PreparedBucket& bucket = oldest_->bucket;
+    drop(entries_.find(Key(bucket.layer, bucket.bucket, oldest_->detail)));
   }
 }
 
+void BucketCache::use(CachedBucket* entry) {
+  entry->last_use = clock_;
+  if (newest_ == entry) return;
+  unlink(entry);
+  entry->older = newest_;
+  if (newest_ != nullptr) newest_->newer = entry;
+  newest_ = entry;
+  if (oldest_ == nullptr) oldest_ = entry;
+}
+
+void BucketCache::unlink(CachedBucket* entry) {
+  if (entry->newer != nullptr) entry->newer->older = entry->older;
+  if (entry->older != nullptr) entry->older->newer = entry->newer;
+  if (newest_ == entry) newest_ = entry->older;
+  if (oldest_ == entry) oldest_ = entry->newer;
+  entry->newer = entry->older = nullptr;
+}
+
 void BucketCache::drop(Entries::iterator entry) {
-  for (const l4d_byte_range& range : entry->second.supplied) {
-    stream_.file().source().drop(range.offset, range.size, stream_.file().memory());
-  }
+  unlink(&entry->second);
   bytes_ -= entry->second.memory_bytes;
   stream_.file().memory().release(entry->second.memory_bytes);
   entries_.erase(entry);
@@ -63,6 +75,7 @@ void BucketCache::drop(Entries::iterator entry) {
 
 void BucketCache::clear() {
   entries_.clear();
+  newest_ = oldest_ = nullptr;
   if (stream_.is_open()) stream_.file().memory().release(bytes_);
   bytes_ = 0;
 }
@@ -159,11 +172,8 @@ Status BucketCache::has_recovered(const CachedBucket& entry, bool* recovered) {
   return {};
 }
 
-BucketCache::Key BucketCache::key_of(const l4d_bucket_span& span, uint32_t detail) const {
-  const Key own(span.layer, span.bucket, detail), full(span.layer, span.bucket, L4D_DETAIL_FULL);
-  if (detail == L4D_DETAIL_FULL || !stream_.file().source().is_supplied()) return own;
-  const auto it = entries_.find(full);
-  return it != entries_.end() && it->second.missing.tasks.empty() ? full : own;
+BucketCache::Key BucketCache::key_of(const l4d_bucket_span& span, uint32_t detail) {
+  return Key(span.layer, span.bucket, detail);
 }
 
 bool BucketCache::holds(const l4d_bucket_span& span, uint32_t detail, bool with_shape) const {
@@ -171,33 +181,12 @@ bool BucketCache::holds(const l4d_bucket_span& span, uint32_t detail, bool with_
   return it != entries_.end() && (it->second.with_shape || !with_shape);
 }
 
-bool BucketCache::holds_whole(const l4d_bucket_span& span, uint32_t detail) const {
-  const auto it = entries_.find(key_of(span, detail));
-  return it != entries_.end() && it->second.missing.tasks.empty();
-}
-
-void BucketCache::drop_supplies(const Plan& plan, size_t first_task, size_t end_task,
-                                CachedBucket* entry) {
-  SceneFile& file = stream_.file();
-  if (!file.source().is_supplied() || !entry->missing.tasks.empty()) return;
-  for (size_t t = first_task; t < end_task; ++t) {
-    const PageRecord& record = plan.tasks[t].record;
-    if (plan.detail != L4D_DETAIL_FULL && record.has_sh_detail()) {
-      entry->supplied.push_back({record.chunk.offset, record.chunk.stored_bytes});
-      continue;
-    }
-    file.source().drop(record.chunk.offset, record.chunk.stored_bytes, file.memory());
-    if (!record.has_sh_detail()) continue;
-    file.source().drop(record.sh_detail.offset, record.sh_detail.stored_bytes, file.memory());
-  }
-}
-
 Status BucketCache::load(const Plan& plan, bool with_shape, std::vector<CachedBucket*>* out) {
   out->clear();
   ++clock_;
   for (const l4d_bucket_span& r : plan.spans) {
     const auto it = entries_.find(key_of(r, plan.detail));
-    if (it != entries_.end()) it->second.last_use = clock_;
+    if (it != entries_.end()) use(&it->second);
   }
   MemoryBudget& memory = stream_.file().memory();
   size_t task = 0;
@@ -222,16 +211,16 @@ Status BucketCache::load(const Plan& plan, bool with_shape, std::vector<CachedBu
     const SceneHeader& header = stream_.file().header();
     entry.memory_bytes = PreparedBucket::memory_bytes(static_cast<size_t>(r.count), header.sh_dim(),
                                                       header.layers[r.layer].flat(), with_shape);
-    entry.last_use = clock_;
+    entry.detail = plan.detail;
     // Decoding a bucket takes scratch of less than its own size beside it.
     evict(2 * entry.memory_bytes);
     MemoryCharge charge(memory);
     L4D_RETURN_IF_ERROR(charge.take(entry.memory_bytes, "the bucket cache"));
     L4D_RETURN_IF_ERROR(decode(plan, i, first_task, task, &entry));
-    drop_supplies(plan, first_task, task, &entry);
     entry.number = ++numbered_;
     const uint64_t memory_bytes = entry.memory_bytes;
     CachedBucket* const kept = &(entries_[key] = std::move(entry));
+    use(kept);
     charge.keep();
     // Who has come to want the details is not likely to go back.
     const auto base = entries_.find({r.layer, r.bucket, L4D_DETAIL_BASE_COLOR});

@@ -17,9 +17,10 @@ struct CachedBucket {
   Plan missing;  // pages that are lost, or their detail, to be asked for again
   size_t lost_chunks = 0;
   uint64_t memory_bytes = 0;
+  uint32_t detail = 0;  // L4D_DETAIL_*
   uint64_t last_use = 0;
-  std::vector<l4d_byte_range> supplied;  // chunks that stay while the bucket does
-  uint64_t number = 0;                   // of all buckets that were ever cached here
+  CachedBucket *newer = nullptr, *older = nullptr;  // by last use
+  uint64_t number = 0;                              // of all buckets that were ever cached here
 };
 
 class BucketCache {
@@ -34,8 +35,6 @@ class BucketCache {
   Status load(const Plan& plan, bool with_shape, std::vector<CachedBucket*>* out);
   // Whether load() would decode nothing for a span, unless it recovers what was lost.
   bool holds(const l4d_bucket_span& span, uint32_t detail, bool with_shape) const;
-  // Whether a bucket is there and nothing of it is lost.
-  bool holds_whole(const l4d_bucket_span& span, uint32_t detail) const;
   // Drops buckets that the last instant did not want, oldest first, until `bytes` fit.
   void make_room(uint64_t bytes) { evict(bytes); }
   bool is_empty() const { return entries_.empty(); }
@@ -48,13 +47,11 @@ class BucketCache {
 
  private:
   // Of ranges: RCQ blocks never split a bucket, so layer and bucket name one. Buckets of one detail
-  // are of no use to slices of another, unless their bytes were supplied.
+  // are of no use to slices of another.
   using Key = std::tuple<uint32_t, uint32_t, uint32_t>;  // layer, bucket, detail
   using Entries = std::map<Key, CachedBucket>;
 
-  // Which bucket serves a span. What was supplied of a bucket goes once it is cached: one in full
-  // detail then serves queries that want less.
-  Key key_of(const l4d_bucket_span& span, uint32_t detail) const;
+  static Key key_of(const l4d_bucket_span& span, uint32_t detail);
   // Decodes and prepares one range of a plan, whose tasks are [first_task, end_task), in the form
   // that *out says.
   Status decode(const Plan& plan, size_t span, size_t first_task, size_t end_task,
@@ -62,13 +59,14 @@ class BucketCache {
   // Whether pages that a cached bucket lacks can be had now; if not, they are lost again.
   Status has_recovered(const CachedBucket& entry, bool* recovered);
   void drop(Entries::iterator entry);
-  // What the caller supplied of a bucket that has been decoded: of one without SH chunks, base
-  // chunks stay with it, as SH chunks may follow.
-  void drop_supplies(const Plan& plan, size_t first_task, size_t end_task, CachedBucket* entry);
+  // The query at hand wants it.
+  void use(CachedBucket* entry);
+  void unlink(CachedBucket* entry);
   void evict(uint64_t needed);
 
   OpenStream& stream_;
   Entries entries_;
+  CachedBucket *newest_ = nullptr, *oldest_ = nullptr;  // so that evicting takes no search
   uint64_t bytes_ = 0;
   uint64_t clock_ = 0;
   uint64_t numbered_ = 0;

@@ -2,7 +2,7 @@
 #include "decoder/session/decoder.h"
 
 #include "decoder/session/query.h"
-#include "decoder/session/supply_plan.h"
+#include "l4d/experimental/packed.h"
 
 namespace l4d {
 
@@ -20,28 +20,6 @@ Status Decoder::open(ByteSource source) {
 Status Decoder::open_file(const char* path) {
   close();
   return stream_.open_file(path);
-}
-
-void Decoder::open_supplied(uint64_t size) {
-  close();
-  stream_.open_supplied(size);
-}
-
-Status Decoder::supply(uint64_t offset, ByteSpan data) {
-  SceneFile& file = stream_.file();
-  if (is_open()) slicer_.cache().make_room(data.size());
-  L4D_RETURN_IF_ERROR(file.source().supply(offset, data, file.memory()));
-  if (!stream_.is_waiting()) return {};
-  const Status opened = stream_.try_open();
-  return opened.code() == L4D_ERR_NEED_DATA ? Status() : opened;
-}
-
-Status Decoder::plan(const l4d_plan_query& query, std::vector<l4d_planned_range>* out) {
-  return plan_supplies(stream_, slicer_.cache(), query, out);
-}
-
-Status Decoder::buffered(const l4d_plan_query& query, std::vector<l4d_time_span>* out) {
-  return find_buffered(stream_, slicer_.cache(), query, out);
 }
 
 Status Decoder::decode(const l4d_query& query, l4d_gaussian_buffers* out) {

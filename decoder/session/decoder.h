@@ -8,7 +8,7 @@
 #include "decoder/session/open_stream.h"
 #include "decoder/session/slicer.h"
 #include "l4d/decode.h"
-#include "l4d/stream.h"
+#include "l4d/experimental/packed.h"
 
 namespace l4d {
 
@@ -18,12 +18,6 @@ class Decoder {
 
   Status open(ByteSource source);
   Status open_file(const char* path);
-  void open_supplied(uint64_t size);
-  // Of a stream that is open for supplies.
-  Status supply(uint64_t offset, ByteSpan data);
-  Status plan(const l4d_plan_query& query, std::vector<l4d_planned_range>* out);
-  Status buffered(const l4d_plan_query& query, std::vector<l4d_time_span>* out);
-  bool is_waiting() const { return stream_.is_waiting(); }
   void close();
   bool is_open() const { return stream_.is_open(); }
   SceneFile& file() { return stream_.file(); }

@@ -24,8 +24,12 @@ OpenStream::OpenStream(const l4d_decoder_options& options) : options_(options) {
   replace_zero(options_.max_gaussians, kDefaultGaussians);
   replace_zero(options_.max_frames, kMaxFrames);
   replace_zero(options_.cache_bytes, kDefaultCache);
+#ifdef L4D_PLAYER_ONLY
+  kernels_ = decode_kernels_simd();
+#else
   const bool reference = options_.backend == L4D_BACKEND_REFERENCE;
   kernels_ = reference ? decode_kernels_reference() : decode_kernels_simd();
+#endif
   set_progress(options_.progress, options_.progress_user);
 }
 
@@ -44,22 +48,12 @@ Status OpenStream::open(ByteSource source) {
 // A stream is open when both parts of it are there: neither stays alone where memory runs out.
 Status OpenStream::start(ByteSource source) {
   auto file = std::make_unique<SceneFile>(std::move(source), options_, *kernels_.stream);
+  file->memory().share(shared_memory_);
   L4D_RETURN_IF_ERROR(file->open());
   fetch_index(*file);
   auto pages = std::make_unique<PageDecoder>(*file, kernels_, threads());
   file_ = std::move(file);
   pages_ = std::move(pages);
-  return {};
-}
-
-void OpenStream::open_supplied(uint64_t size) {
-  close();
-  file_ = std::make_unique<SceneFile>(ByteSource::from_supplies(size), options_, *kernels_.stream);
-}
-
-Status OpenStream::try_open() {
-  L4D_RETURN_IF_ERROR(file_->open());
-  pages_ = std::make_unique<PageDecoder>(*file_, kernels_, threads());
   return {};
 }
 

@@ -21,21 +21,16 @@ class OpenStream {
 
   Status open(ByteSource source);
   Status open_file(const char* path);
-  // A file of which no byte is here yet. It is open once its headers are supplied: the supply that
-  // completes them opens it.
-  void open_supplied(uint64_t size);
-  // Before it is open: fails with NEED_DATA where bytes lack.
-  Status try_open();
   void close();
   bool is_open() const { return pages_ != nullptr; }
-  // For supplies, before the headers are here.
-  bool is_waiting() const { return file_ != nullptr && pages_ == nullptr; }
   SceneFile& file() { return *file_; }
   const SceneFile& file() const { return *file_; }
   PageDecoder& pages() { return *pages_; }
   const PageDecoder& pages() const { return *pages_; }
 
   const l4d_decoder_options& options() const { return options_; }
+  // Streams that are opened from now on share a budget, which outlives them.
+  void share_memory(MemoryBudget* of_all) { shared_memory_ = of_all; }
   int threads() const { return static_cast<int>(options_.threads); }
   void set_progress(l4d_progress_fn fn, void* user) {
     progress_ = fn;
@@ -58,6 +53,7 @@ class OpenStream {
 
   l4d_decoder_options options_;
   DecodeKernels kernels_;
+  MemoryBudget* shared_memory_ = nullptr;
   std::unique_ptr<FileReader> own_file_;
   std::unique_ptr<SceneFile> file_;
   std::unique_ptr<PageDecoder> pages_;

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <string>
 
-#include "decoder/read/query_reads.h"
 #include "l4d/attributes.hpp"
+#include "l4d/experimental/packed.h"
 
 namespace l4d {
 namespace {
@@ -56,17 +56,6 @@ Status find_ranges(OpenStream& stream, const l4d_query& query, l4d_bucket_span* 
   L4D_RETURN_IF_ERROR(stream.plan(query, &plan));
   std::copy_n(plan.spans.begin(), std::min<uint64_t>(capacity, plan.spans.size()), out);
   *count = plan.spans.size();
-  return {};
-}
-
-Status find_reads(OpenStream& stream, const l4d_query& query, uint32_t step, l4d_byte_range* out,
-                  uint64_t capacity, uint64_t* count) {
-  stream.begin_query();
-  std::vector<l4d_byte_range> spans;
-  L4D_RETURN_IF_ERROR(
-      find_query_reads(stream.file(), query, step, stream.losses_if_tolerant(), &spans));
-  std::copy_n(spans.begin(), std::min<uint64_t>(capacity, spans.size()), out);
-  *count = spans.size();
   return {};
 }
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "decoder/session/splat_writer.h"
+#include "l4d/experimental/columns.h"
 #include "libl4dcodec/base/threads.h"
 
 namespace l4d {
@@ -46,31 +47,23 @@ Status check_columns(const l4d_splat_columns& out) {
 
 }  // namespace
 
-Status Slicer::set_detail(uint32_t detail) {
-  if (detail > L4D_DETAIL_BASE_COLOR) return invalid_argument("unknown detail");
-  detail_ = detail;
-  return {};
-}
-
 void Slicer::close() {
   plan_ = Plan();
   ahead_.close();
   cache_.close();
+  // Without rows there may be no file.
+  if (wide_sh_.capacity() > 0) forget(stream_.file().memory(), &wide_sh_);
 }
 
-Status Slicer::load_instant(double* time, bool with_shape) {
-  // Supplied bytes go once a bucket is cached: all that a slice may want is in it.
-  with_shape = with_shape || stream_.file().source().is_supplied();
+Status Slicer::load_instant(const l4d_operating_point& point, double* time, bool with_shape) {
   if (!(*time == *time)) return invalid_argument("the time is not a number");
   const Sequence sequence = sequence_of(stream_.file().header().timeline);
   *time = std::clamp(*time, sequence.begin, sequence.end);
   l4d_query query{};
   query.struct_size = sizeof query;
   query.kind = L4D_QUERY_TIME;
-  query.max_level = max_level_;
-  query.max_tier = max_tier_;
   query.time_begin = *time;
-  query.detail = detail_;
+  query.point = point;
   query.whole_buckets = 1;
   const auto load = [&](bool ahead) -> Status {
     if (ahead) ahead_.fetch_directory(query);
@@ -103,7 +96,7 @@ void Slicer::set_still() {
 Status Slicer::slice(double time, l4d_splat_buffers* out) {
   L4D_RETURN_IF_ERROR(check_camera(out->color != nullptr, out->camera_position));
   const bool with_shape = out->scale != nullptr || out->rotation != nullptr;
-  L4D_RETURN_IF_ERROR(load_instant(&time, with_shape));
+  L4D_RETURN_IF_ERROR(load_instant(out->point, &time, with_shape));
   const SceneHeader& header = stream_.file().header();
   const Instant instant(header.timeline, time);
   const uint64_t key_given = out->still_key;
@@ -160,7 +153,7 @@ Status Slicer::slice(double time, l4d_splat_buffers* out) {
 Status Slicer::slice(double time, l4d_splat_columns* out) {
   L4D_RETURN_IF_ERROR(check_columns(*out));
   const bool with_shape = out->scale[0] != nullptr || out->rotation[0] != nullptr;
-  L4D_RETURN_IF_ERROR(load_instant(&time, with_shape));
+  L4D_RETURN_IF_ERROR(load_instant(out->point, &time, with_shape));
   const SceneHeader& header = stream_.file().header();
   const Instant instant(header.timeline, time);
   const uint64_t key_given = out->still_key;
@@ -212,6 +205,17 @@ Status Slicer::slice(double time, l4d_splat_columns* out) {
     }
   });
   out->still_key = still_key_;
+  return {};
+}
+
+Status Slicer::widen_rows(size_t known, size_t width, size_t count, const float** rows) {
+  MemoryBudget& memory = stream_.file().memory();
+  L4D_RETURN_IF_ERROR(renew(memory, &wide_sh_, count * width, "SH of streams of several degrees"));
+  float* to = wide_sh_.data();
+  for (size_t i = 0; i < count; ++i, to += width) {
+    std::fill(std::copy_n(rows[i], known, to), to + width, 0.0F);
+    rows[i] = to;
+  }
   return {};
 }
 

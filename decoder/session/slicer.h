@@ -7,6 +7,7 @@
 #include "decoder/session/bucket_cache.h"
 #include "decoder/session/read_ahead.h"
 #include "decoder/session/splat_writer.h"
+#include "l4d/experimental/columns.h"
 
 namespace l4d {
 
@@ -16,13 +17,9 @@ class Slicer {
 
   Status slice(double time, l4d_splat_buffers* out);
   Status slice(double time, l4d_splat_columns* out);
-  // Kept from stream to stream.
-  Status set_detail(uint32_t detail);
-  // Layers of finer levels and of higher tiers are left out.
-  void set_layers(uint32_t max_level, uint32_t max_tier) {
-    max_level_ = max_level;
-    max_tier_ = max_tier;
-  }
+  // Of the last slice: copies rows of SH of `known` numbers to rows of `width`, whose other numbers
+  // are 0. The copies stay until the next call.
+  Status widen_rows(size_t known, size_t width, size_t count, const float** rows /* [count] */);
   // Before the stream is closed.
   void close();
   BucketCache& cache() { return cache_; }
@@ -30,16 +27,13 @@ class Slicer {
 
  private:
   // Sets buckets_ to those of an instant, which is clamped to the sequence.
-  Status load_instant(double* time, bool with_shape);
+  Status load_instant(const l4d_operating_point& point, double* time, bool with_shape);
   // Sets still_key_ to what stands for the still rows of an output, new_rows_.
   void set_still();
 
   OpenStream& stream_;
   BucketCache cache_;
   ReadAhead ahead_;
-  uint32_t detail_ = L4D_DETAIL_FULL;
-  uint32_t max_level_ = UINT32_MAX;
-  uint32_t max_tier_ = UINT32_MAX;
   // Of the last slice: what the rows are, and the numbers of their buckets.
   std::vector<uint64_t> still_rows_;
   uint64_t still_key_ = 1;
@@ -48,6 +42,7 @@ class Slicer {
   std::vector<CachedBucket*> buckets_;
   std::vector<uint64_t> new_rows_;
   std::vector<Piece> pieces_;
+  std::vector<float> wide_sh_;
 };
 
 }  // namespace l4d

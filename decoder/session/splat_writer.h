@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "decoder/session/bucket.h"
+#include "l4d/experimental/columns.h"
 
 namespace l4d {
 

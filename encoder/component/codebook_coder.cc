@@ -7,7 +7,6 @@
 #include <memory>
 #include <numeric>
 
-#include "encoder/component/entropy_constrained.h"
 #include "encoder/component/half_codebook.h"
 #include "encoder/component/rcq.h"
 #include "encoder/component/stage_choice.h"
@@ -21,8 +20,6 @@
 namespace l4d {
 
 namespace {
-
-constexpr size_t kGrain = 4096;
 
 struct Selection {
   std::vector<uint32_t> members;  // indices in the set
@@ -82,14 +79,6 @@ class ComponentCoder {
   }
 
  private:
-  EntropyConstraint constraint() const {
-    EntropyConstraint c;
-    c.price = settings_.rate_lambda;
-    c.threads = settings_.threads;
-    c.device = settings_.device;
-    return c;
-  }
-
   NearestBackend backend() const { return {settings_.threads, settings_.device}; }
   bool by_cost() const { return settings_.rd_lambda > 0; }
 
@@ -186,9 +175,6 @@ class ComponentCoder {
     std::vector<float> distance(n);
     assign_nearest(rows, n, dim, codebook.data(), codebook.size() / dim, backend(), nullptr,
                    labels.data(), distance.data());
-    if (settings_.rcq == 0 || blocks_.empty()) {
-      constrain_entropy(rows, weights, n, dim, constraint(), &out_.codebooks.back(), &labels);
-    }
     room.get();
     parallel_for(settings_.threads, n, kGrain, [&](size_t begin, size_t end) {
       for (size_t j = begin; j < end; ++j) {
@@ -318,8 +304,6 @@ class ComponentCoder {
       std::vector<float> distance(n);
       assign_nearest(chosen.rows.get(), n, dim, codebook.data(), codebook.size() / dim, backend(),
                      nullptr, labels.data(), distance.data());
-      constrain_entropy(chosen.rows.get(), chosen.weights.data(), n, dim, constraint(),
-                        &out_.codebooks[s], &labels);
       out_.index.emplace_back(out_.n, uint16_t{0});
       parallel_for(settings_.threads, n, kGrain, [&](size_t begin, size_t end) {
         for (size_t j = begin; j < end; ++j) {
@@ -430,15 +414,14 @@ class ComponentCoder {
 ComponentSettings component_settings(const EncoderSettings& settings, unsigned component) {
   const int c = static_cast<int>(component);
   ComponentSettings s;
-  s.codebook_size = static_cast<uint32_t>(settings.get(L4D_ENC_CODEBOOK_SIZE, c));
+  s.codebook_size = static_cast<uint32_t>(settings.get(Parameter::kCodebookSize, c));
   s.stages = settings.stages(c);
-  s.escape_threshold = settings.get(L4D_ENC_ESCAPE_THRESHOLD, c);
-  s.rate_lambda = settings.get(L4D_ENC_RATE_LAMBDA, c);
-  s.refine_rounds = settings.get_int(L4D_ENC_REFINE);
-  s.rcq = settings.get_int(L4D_ENC_RCQ);
-  s.rcq_size = static_cast<uint32_t>(settings.get(L4D_ENC_RCQ_SIZE));
-  s.iterations = settings.get_int(L4D_ENC_KMEANS_ITERATIONS);
-  s.sample_per_codeword = static_cast<size_t>(settings.get(L4D_ENC_KMEANS_SAMPLE));
+  s.escape_threshold = settings.get(Parameter::kEscapeThreshold, c);
+  s.refine_rounds = settings.get_int(Parameter::kRefine);
+  s.rcq = settings.get_int(Parameter::kRcq);
+  s.rcq_size = static_cast<uint32_t>(settings.get(Parameter::kRcqSize));
+  s.iterations = settings.get_int(Parameter::kKmeansIterations);
+  s.sample_per_codeword = static_cast<size_t>(settings.get(Parameter::kKmeansSample));
   return s;
 }
 

@@ -17,7 +17,6 @@ struct ComponentSettings {
   uint32_t codebook_size = 4096;
   std::vector<float> stages{1.0f};
   double escape_threshold = 0;  // 0 = never
-  double rate_lambda = 0;       // see EntropyConstraint; blocks pay none
   // Above 0: price of a bit in weighted squared error. Then sizes of codebooks (codebook_size at
   // most), depths and escapes are what they are worth, and `stages` and escape_threshold count
   // for nothing.

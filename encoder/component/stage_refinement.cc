@@ -5,7 +5,6 @@
 #include <cmath>
 #include <memory>
 
-#include "encoder/component/entropy_constrained.h"
 #include "encoder/search/cells.h"
 #include "encoder/search/nearest.h"
 #include "libl4dcodec/base/half.h"
@@ -14,7 +13,6 @@
 namespace l4d {
 namespace {
 
-constexpr size_t kGrain = 4096;
 constexpr size_t kCellGrain = 32;
 
 class Refiner {
@@ -63,20 +61,11 @@ class Refiner {
         }
       }
     });
-    if (settings_.rate_lambda > 0) {
-      EntropyConstraint constraint;
-      constraint.price = settings_.rate_lambda;
-      constraint.rounds = 1;
-      constraint.threads = settings_.threads;
-      constraint.device = settings_.device;
-      constrain_entropy(target, weight.data(), n, dim, constraint, &codebook, &label);
-    } else {
-      if (settings_.rd_lambda > 0 && c_.steps[s] == 0) c_.steps[s] = step_for(codebook, weight);
-      move(target, weight, label, c_.steps[s], codebook);
-      assign_nearest(target, n, dim, codebook.data(), codebook.size() / dim,
-                     {settings_.threads, settings_.device}, label.data(), label.data(),
-                     distance.data());
-    }
+    if (settings_.rd_lambda > 0 && c_.steps[s] == 0) c_.steps[s] = step_for(codebook, weight);
+    move(target, weight, label, c_.steps[s], codebook);
+    assign_nearest(target, n, dim, codebook.data(), codebook.size() / dim,
+                   {settings_.threads, settings_.device}, label.data(), label.data(),
+                   distance.data());
     parallel_for(settings_.threads, n, kGrain, [&](size_t begin, size_t end) {
       for (size_t j = begin; j < end; ++j) {
         c_.index[s][members[j]] = static_cast<uint16_t>(label[j]);

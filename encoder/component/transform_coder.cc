@@ -14,7 +14,7 @@
 namespace l4d {
 namespace {
 
-constexpr size_t kGrain = 2048;
+constexpr size_t kRowGrain = 2048;
 // Rows that the axes are found from, evenly spaced: several hundred per entry of their covariance.
 constexpr size_t kMaxAxisRows = 65536;
 // No row counts more than this many average ones, so that a few large Gaussians do not turn the
@@ -228,7 +228,7 @@ class TransformCoder {
     out_.coefficient.assign(dim_, std::vector<int16_t>(n_));
     const std::vector<double> leaning = base_leaning();
     if (settings_.keeps) decoded_axes_ = decoded_axes();
-    parallel_for(settings_.threads, n_, kGrain, [&](size_t begin, size_t end) {
+    parallel_for(settings_.threads, n_, kRowGrain, [&](size_t begin, size_t end) {
       std::vector<double> c(dim_);
       std::vector<float> decoded(dim_);
       for (size_t i = begin; i < end; ++i) {
@@ -415,7 +415,7 @@ class TransformCoder {
       source.integer_scale = integers.scale;
     }
     const TransformKernels& kernels = transform_kernels_reference();
-    parallel_for(settings_.threads, n_, kGrain, [&](size_t begin, size_t end) {
+    parallel_for(settings_.threads, n_, kRowGrain, [&](size_t begin, size_t end) {
       // Not compact: coefficient i of each array is that of Gaussian i.
       for (size_t i = begin; i < end; ++i) {
         TransformCursor cursor;

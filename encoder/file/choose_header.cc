@@ -74,7 +74,7 @@ SceneHeader choose_header(const HeaderSource& source, const CodedScene& coded,
   // Nothing bounds how binary16 rounds a Gaussian far from the centre.
   if (header.position == CoordinateCodingId::kF16) kept.position = kept.visible = 0;
   header.errors = statement_of(*worst, kept);
-  header.errors.own_min_sizes = !source.lossless && input.min_sizes != nullptr;
+  header.errors.own_min_sizes = !source.lossless && input.importance.min_sizes != nullptr;
   return header;
 }
 

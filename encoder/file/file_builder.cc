@@ -26,8 +26,8 @@ class FileBuilder {
         layers_(coded.layers),
         sh_(coded.sh),
         threads_(threads),
-        streams_(settings.get_int(L4D_ENC_ZSTD_LEVEL)),
-        zstd_(settings.get_int(L4D_ENC_ZSTD_LEVEL)) {}
+        streams_(settings.get_int(Parameter::kZstdLevel)),
+        zstd_(settings.get_int(Parameter::kZstdLevel)) {}
 
   Status run(FileParts* out) {
     add_codebooks();
@@ -89,10 +89,10 @@ class FileBuilder {
     for (size_t l = 0; l < layers_.size(); ++l) {
       // A bucket's pages are described in one directory page, whose size the format bounds.
       const size_t page_size =
-          std::max(static_cast<size_t>(settings_.get(L4D_ENC_PAGE_SIZE)),
+          std::max(static_cast<size_t>(settings_.get(Parameter::kPageSize)),
                    layers_[l].gaussians.size() / kMaxPagesPerDirectoryPage + 1);
-      const PageOptions options{page_size, settings_.get_int(L4D_ENC_ZSTD_LEVEL),
-                                settings_.get_bool(L4D_ENC_RANS)};
+      const PageOptions options{page_size, settings_.get_int(Parameter::kZstdLevel),
+                                settings_.get_bool(Parameter::kRans)};
       built_.push_back(
           build_layer(scene_, header_, header_.layers[l], layers_[l], options, threads_));
       if (!built_.back().entropy.empty()) {
@@ -207,10 +207,10 @@ class FileBuilder {
 
   // Profile and level. The level is about sizes, that of the header with a level in it among them.
   Status declare() {
-    const int profile = settings_.get_int(L4D_ENC_PROFILE);
+    const int profile = settings_.get_int(Parameter::kProfile);
     header_.profile =
         profile < 0 ? static_cast<unsigned>(profile_of(header_)) : static_cast<unsigned>(profile);
-    const int level = settings_.get_int(L4D_ENC_LEVEL);
+    const int level = settings_.get_int(Parameter::kLevel);
     if (level == 0) return {};
     header_.conformance_level = static_cast<unsigned>(std::max(level, 1));
     meter_.finish(FileHeader::kBytes + uint64_t{header_bytes()});

@@ -10,7 +10,6 @@
 namespace l4d {
 namespace {
 
-constexpr size_t kGrain = 4096;
 // Coders check a row in double, decoders sum integers and binary32: this share of a bound is left
 // to what they differ by.
 constexpr double kUsed = 0.995;

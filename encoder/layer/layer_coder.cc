@@ -20,7 +20,6 @@
 namespace l4d {
 namespace {
 
-constexpr size_t kGrain = 4096;
 // Directory pages of about this many buckets in use keep a seek to a few kilobytes.
 constexpr double kBucketsPerDirectoryPage = 128;
 // Fewer Gaussians than this do not earn a codebook of their own.
@@ -86,7 +85,7 @@ class LayerCoder {
         quality_(settings_, scene.count, scene.shared_count) {}
 
   CodedLayer run(std::vector<uint32_t>* demoted, std::vector<uint32_t>* escapes) {
-    lossless_ = settings_.get_bool(L4D_ENC_LOSSLESS);
+    lossless_ = settings_.get_bool(Parameter::kLossless);
     out_.level = plan_.level;
     out_.permanent = plan_.permanent;
     out_.flat = plan_.flat;
@@ -116,7 +115,7 @@ class LayerCoder {
 
   // Runs of whole buckets within one directory page, each large enough to earn a codebook.
   void make_blocks() {
-    if (plan_.level == 0 || settings_.get_int(L4D_ENC_RCQ) == 0) return;
+    if (plan_.level == 0 || settings_.get_int(Parameter::kRcq) == 0) return;
     const unsigned bits = out_.directory_bits;
     size_t blocks_in_page = 0;
     for (size_t j = 0; j < count();) {
@@ -155,7 +154,7 @@ class LayerCoder {
         targets[j] = mean_target(j, scene_.mean_t[out_.gaussians[j]], 1);
       }
       choose_mean_times(targets, plan_.far || settings_.codes_half_mean_times(),
-                        settings_.get_int(L4D_ENC_MEAN_T_SHIFT),
+                        settings_.get_int(Parameter::kMeanTShift),
                         bucket_width(timeline(), plan_.level), &out_.mean_times);
     }
     out_.decoded_mean_t.resize(n);
@@ -211,7 +210,7 @@ class LayerCoder {
     std::copy_n(seen.velocity, 3, out_.decoded_velocity.data() + 3 * j);
     out_.opacity[j] = scene_.opacity[i];
     std::copy_n(scene_.position.data() + 3 * i, 3, out_.position.data() + 3 * j);
-    if (settings_.get_bool(L4D_ENC_CLOSED_LOOP) && !lossless_) close_loop(j);
+    if (settings_.get_bool(Parameter::kClosedLoop) && !lossless_) close_loop(j);
     if (!out_.fades()) seen.lambda = 0;
     seen.mean = out_.decoded_mean_t[j];
     seen.reference = reference_time(timeline(), seen.mean);

@@ -16,8 +16,6 @@
 namespace l4d {
 namespace {
 
-constexpr size_t kGrain = 4096;
-
 SeenGaussian seen_of(const EncoderScene& scene, const CodedLayer& layer,
                      const DecodedGaussian& decoded) {
   SeenGaussian seen{};

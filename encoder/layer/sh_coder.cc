@@ -13,7 +13,7 @@ namespace l4d {
 namespace {
 
 // Step of what hardly weighs, at 42 dB.
-constexpr double kMaxStep = 1.07;
+constexpr double kMaxShStep = 1.07;
 constexpr unsigned kSh = L4D_COMPONENT_SH;
 
 CodedComponent as_transform(const EncoderScene& scene, const CoderOptions& options,
@@ -21,10 +21,10 @@ CodedComponent as_transform(const EncoderScene& scene, const CoderOptions& optio
   options.step("sh_transform");
   TransformSettings t;
   t.distortion = quality.distortion_per_coefficient(kSh);
-  t.max_step = quality.max_step(kMaxStep);
+  t.max_step = quality.max_step(kMaxShStep);
   t.principal_axes = true;
   t.integers = true;
-  t.base = options.settings->get_bool(L4D_ENC_SH_BASE) ? 3 : 0;
+  t.base = 3;
   t.keeps = color_check(scene, options.bounds);
   t.base_error = options.bounds.base_color / sh_constant::k0;
   t.threads = options.threads;
@@ -53,9 +53,16 @@ CodedComponent in_codebooks(const EncoderScene& scene, const CoderOptions& optio
 
 CodedComponent code_sh(const EncoderScene& scene, const CoderOptions& options) {
   const Quality quality(*options.settings, scene.count, scene.shared_count);
-  const int coding = options.settings->get_int(L4D_ENC_CODING, kSh);
-  if (coding == 1) return as_transform(scene, options, quality);
-  const bool by_cost = coding == 2 || options.settings->get_bool(L4D_ENC_CODEBOOKS_BY_COST);
+  const int coding = options.settings->get_int(Parameter::kCoding, kSh);
+  const auto reaches_all = [&](const CodedComponent& c) {
+    return check_colors(largest_color_errors(scene, c, options.threads), options.bounds).ok();
+  };
+  if (coding == 1) {
+    CodedComponent coded = as_transform(scene, options, quality);
+    if (reaches_all(coded)) return coded;
+  }
+  // Coefficients of 16 bits may not reach a colour far out. Codebooks do: they have escapes.
+  const bool by_cost = coding >= 1 || options.settings->get_bool(Parameter::kCodebooksByCost);
   CodedComponent best = in_codebooks(scene, options, by_cost ? quality.rd_lambda(kSh) : 0);
   if (coding != 2) return best;
   CodedComponent other = as_transform(scene, options, quality);
@@ -64,7 +71,7 @@ CodedComponent code_sh(const EncoderScene& scene, const CoderOptions& options) {
                                               scene.importance[kSh].data(), c.n, c.dim) /
                                    quality.rd_lambda(kSh);
   };
-  return cost(other) <= cost(best) ? std::move(other) : std::move(best);
+  return cost(other) <= cost(best) && reaches_all(other) ? std::move(other) : std::move(best);
 }
 
 }  // namespace l4d

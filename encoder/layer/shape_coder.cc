@@ -32,7 +32,6 @@ constexpr double kEscapeBits = 350;
 constexpr int kMostFinerOctaves = 16;
 
 constexpr int kComponents = 3;
-constexpr size_t kGrain = 4096;
 
 // Codings of the parameter.
 enum { kCodebooks = 0, kTransforms = 1, kCheaper = 2 };
@@ -123,7 +122,9 @@ class ShapeCoder {
   using Rotors = std::array<CodedComponent, 2>;  // spatial, temporal
 
   size_t count() const { return out_.gaussians.size(); }
-  int coding_of(unsigned c) const { return settings_.get_int(L4D_ENC_CODING, static_cast<int>(c)); }
+  int coding_of(unsigned c) const {
+    return settings_.get_int(Parameter::kCoding, static_cast<int>(c));
+  }
 
   bool in_codebooks_only() const {
     return coding_of(L4D_COMPONENT_SCALE) == kCodebooks &&
@@ -173,7 +174,7 @@ class ShapeCoder {
       });
     }
     Scales out;
-    const unsigned bits = static_cast<unsigned>(settings_.get_int(L4D_ENC_SCALE_FACTOR_BITS));
+    const unsigned bits = static_cast<unsigned>(settings_.get_int(Parameter::kScaleFactorBits));
     out.factor_coding = choose_scalar_coding(factor, bits);
     out.factor.resize(n);
     Rows rows = make_rows(L4D_COMPONENT_SCALE, dim);
@@ -276,7 +277,8 @@ class ShapeCoder {
     s.threads = threads_;
     s.device = options_.device;
     s.cancelled = cancelled;
-    const bool by_cost = settings_.get_bool(L4D_ENC_CODEBOOKS_BY_COST) || coding_of(c) == kCheaper;
+    const bool by_cost =
+        settings_.get_bool(Parameter::kCodebooksByCost) || coding_of(c) == kCheaper;
     if (by_cost) s.rd_lambda = quality_.rd_lambda(c);
     return code_component(rows.values.data(), (by_cost ? rows.importance : rows.weights).data(), n,
                           rows.dim, out_.blocks, s);

@@ -71,7 +71,7 @@ std::vector<LayerPlan> plan_layers(const EncoderScene& s, const EncoderSettings&
   std::vector<LayerPlan> layers(levels);
   LayerPlan permanent;
   permanent.permanent = true;
-  const bool lossless = settings.get_bool(L4D_ENC_LOSSLESS);
+  const bool lossless = settings.get_bool(Parameter::kLossless);
   std::vector<LayerPlan> flat(levels);
   for (uint32_t i = 0; i < s.count; ++i) {
     if (s.is_flat(i)) {
@@ -88,8 +88,9 @@ std::vector<LayerPlan> plan_layers(const EncoderScene& s, const EncoderSettings&
     layers[l].level = flat[l].level = l;
     flat[l].flat = true;
   }
-  const double least = std::max(settings.get(L4D_ENC_MERGE_FRACTION) * static_cast<double>(s.count),
-                                settings.get(L4D_ENC_MERGE_COUNT));
+  const double least =
+      std::max(settings.get(Parameter::kMergeFraction) * static_cast<double>(s.count),
+               settings.get(Parameter::kMergeCount));
   // Lossless times are exact; those in binary32 that a decoder slices with are nearly so.
   const double error = lossless ? kLosslessError : Quality(settings, s.count).mean_t_error();
   const bool f16 = !lossless && settings.codes_half_mean_times();

@@ -100,13 +100,13 @@ void choose_lattice(const EncoderScene& s, const std::vector<double> (&axes)[3],
 
 ErrorBounds declared_bounds(const EncoderScene& scene, const EncoderSettings& settings) {
   ErrorBounds b;
-  if (settings.get_bool(L4D_ENC_LOSSLESS)) return b;
-  b.position = settings.get(L4D_ENC_MAX_POSITION_ERROR);
-  b.covariance = settings.get(L4D_ENC_MAX_COVARIANCE_FACTOR);
-  b.opacity = settings.get(L4D_ENC_MAX_OPACITY_ERROR);
-  b.visible = settings.get(L4D_ENC_MAX_VISIBLE_ERROR);
-  b.base_color = settings.color_bound(L4D_ENC_MAX_BASE_COLOR_ERROR);
-  b.directional_color = settings.color_bound(L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR);
+  if (settings.get_bool(Parameter::kLossless)) return b;
+  b.position = settings.get(Parameter::kMaxPositionError);
+  b.covariance = settings.get(Parameter::kMaxCovarianceFactor);
+  b.opacity = settings.get(Parameter::kMaxOpacityError);
+  b.visible = settings.get(Parameter::kMaxVisibleError);
+  b.base_color = settings.color_bound(Parameter::kMaxBaseColorError);
+  b.directional_color = settings.color_bound(Parameter::kMaxDirectionalColorError);
   b.min_size = scene.extent / kSizesPerExtent;
   return b;
 }
@@ -116,7 +116,7 @@ PositionPlan plan_positions(const EncoderScene& scene, const EncoderSettings& se
   PositionPlan plan;
   plan.opacity_bits = quality.opacity_bits();
   const auto half_step = [](unsigned bits) { return 0.5 / ((1u << bits) - 1); };
-  if (settings.get_int(L4D_ENC_OPACITY_BITS) == 0) {
+  if (settings.get_int(Parameter::kOpacityBits) == 0) {
     while (bounds->opacity > 0 && plan.opacity_bits < kMaxOpacityBits &&
            half_step(plan.opacity_bits) > kOpacityRounding * bounds->opacity) {
       ++plan.opacity_bits;

@@ -15,7 +15,7 @@ class Quality {
   // n: Gaussians of the scene. shared: those that the error of the image is divided among, 0 = n.
   Quality(const EncoderSettings& settings, size_t n, double shared = 0)
       : settings_(settings),
-        decibels_(settings.get(L4D_ENC_QUALITY)),
+        decibels_(settings.get(Parameter::kQuality)),
         n_(static_cast<double>(n)),
         shared_(shared > 0 ? shared : n_) {}
 
@@ -24,7 +24,7 @@ class Quality {
   // Mean squared error of the image that one number of component c of one Gaussian may cause.
   double distortion_per_coefficient(unsigned c) const {
     return power(decibels_ + kOffset[c] +
-                 settings_.get(L4D_ENC_QUALITY_OFFSET, static_cast<int>(c)));
+                 settings_.get(Parameter::kQualityOffset, static_cast<int>(c)));
   }
   // What a bit of component c is worth: the slope at which that error falls with the rate of
   // uniform quantisers, 2 ln 2 of it.
@@ -34,22 +34,22 @@ class Quality {
   double max_step(double at_42_db) const { return at_42_db * std::exp2((42 - decibels_) / 12); }
 
   // Squared error of the image that leaving a Gaussian out may cause: what its bits would save
-  // elsewhere, a bit being worth 2 ln 2 of what a number is allowed.
-  double pruning_error() const {
+  // elsewhere, a bit being worth 2 ln 2 of what a number is allowed. cost: of Pruning.
+  double pruning_error(double cost) const {
     constexpr double kBitsPerGaussian = 80;
-    return settings_.pruning(false).cost * kBitsPerGaussian * 2 * std::log(2.0) * power(decibels_);
+    return cost * kBitsPerGaussian * 2 * std::log(2.0) * power(decibels_);
   }
 
   // Step of positions for the importances given, of one number each. Their offset is more than
   // slopes on one scene ask for: where splats lie in one plane, errors of position change which is
   // in front.
   double position_step(double sum_of_importance) const {
-    return std::sqrt(12 * power(decibels_ + settings_.get(L4D_ENC_POSITION_OFFSET)) * n_ /
+    return std::sqrt(12 * power(decibels_ + settings_.get(Parameter::kPositionOffset)) * n_ /
                      std::max(sum_of_importance, 1e-30));
   }
   // 5 bits are 54 dB, and each is 6 dB.
   unsigned opacity_bits() const {
-    const int set = settings_.get_int(L4D_ENC_OPACITY_BITS);
+    const int set = settings_.get_int(Parameter::kOpacityBits);
     if (set != 0) return static_cast<unsigned>(set);
     return static_cast<unsigned>(std::clamp(std::ceil(5.5 + (decibels_ - 42) / 6), 4.0, 12.0));
   }

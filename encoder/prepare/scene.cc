@@ -16,7 +16,6 @@
 namespace l4d {
 namespace {
 
-constexpr size_t kGrain = 4096;
 // Weights may be any finite floats. Far above this no code tells them apart, and squares of errors
 // and sums over a scene still fit a float.
 constexpr double kMaxWeight = 1e24;
@@ -79,9 +78,14 @@ double exposure_of(const EncoderInput& input, const EncoderScene& s, size_t i) {
   return input.exposure == nullptr ? 1.0 : static_cast<double>(input.exposure[s.source[i]]);
 }
 
-void set_importance(const EncoderInput& input, bool gauss_newton, EncoderScene* scene) {
+bool is_gauss_newton(const EncoderInput& input) {
+  return input.importance.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
+}
+
+void set_importance(const EncoderInput& input, EncoderScene* scene) {
+  const bool gauss_newton = is_gauss_newton(input);
   EncoderScene& s = *scene;
-  const float* alpha_t = input.weights[L4D_WEIGHT_ALPHA_T];
+  const float* alpha_t = input.importance.weights[L4D_WEIGHT_ALPHA_T];
   static constexpr unsigned kOwn[L4D_COMPONENT_COUNT] = {
       L4D_WEIGHT_SH, L4D_WEIGHT_SCALE, L4D_WEIGHT_ROTOR_SPATIAL, L4D_WEIGHT_ROTOR_TEMPORAL};
   const bool estimates = alpha_t == nullptr && input.share == nullptr;
@@ -100,13 +104,14 @@ void set_importance(const EncoderInput& input, bool gauss_newton, EncoderScene* 
   const auto square = [](double v) { return v * v; };
   // Gauss-Newton weights add up the three channels of a pixel; an image error is their mean.
   const auto gauss_newton_square = [](double v) { return v * v / 3; };
-  const float* own_position = gauss_newton ? input.weights[L4D_WEIGHT_POSITION] : nullptr;
+  const float* own_position =
+      gauss_newton ? input.importance.weights[L4D_WEIGHT_POSITION] : nullptr;
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) s.importance[c].resize(s.count);
   s.position_importance.resize(s.count);
   for (size_t i = 0; i < s.count; ++i) {
     const double exposure = exposure_of(input, s, i);
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-      const float* own = input.weights[kOwn[c]];
+      const float* own = input.importance.weights[kOwn[c]];
       const double given = own == nullptr ? 0.0 : static_cast<double>(own[s.source[i]]);
       s.importance[c][i] = bounded_weight(exposure * (own == nullptr ? kSquarePerAlpha[c] * share(i)
                                                       : gauss_newton ? gauss_newton_square(given)
@@ -117,12 +122,40 @@ void set_importance(const EncoderInput& input, bool gauss_newton, EncoderScene* 
             ? exposure * gauss_newton_square(static_cast<double>(own_position[s.source[i]]))
             : kPositionPerScale * static_cast<double>(s.importance[L4D_COMPONENT_SCALE][i]) /
                   square(largest_scale(i)));
-    if (input.weights[L4D_WEIGHT_ROTOR_TEMPORAL] == nullptr) {
+    if (input.importance.weights[L4D_WEIGHT_ROTOR_TEMPORAL] == nullptr) {
       s.importance[L4D_COMPONENT_ROTOR_TEMPORAL][i] =
           bounded_weight(kTemporalPerPosition * static_cast<double>(s.position_importance[i]) *
                          square(seen_seconds(s, i)));
     }
   }
+}
+
+Status check_numbers(const float* numbers, uint64_t count, const char* name) {
+  for (uint64_t i = 0; numbers != nullptr && i < count; ++i) {
+    if (!(numbers[i] >= 0 && std::isfinite(numbers[i]))) {
+      return Status(L4D_ERR_INVALID_SCENE, std::string("the ") + name + " of Gaussian " +
+                                               std::to_string(i) + " is not a number >= 0");
+    }
+  }
+  return {};
+}
+
+// count: Gaussians of the scene.
+Status check_importance(const l4d_importance& given, uint64_t count) {
+  const bool any =
+      given.min_sizes != nullptr || std::any_of(given.weights, given.weights + L4D_WEIGHT_COUNT,
+                                                [](const float* w) { return w != nullptr; });
+  if (any && given.count != count) {
+    return invalid_argument("importance of " + std::to_string(given.count) + " Gaussians for " +
+                            std::to_string(count));
+  }
+  if (given.metric > L4D_SENSITIVITY_GAUSS_NEWTON || given.views > L4D_WEIGHT_VIEWS_SOME) {
+    return invalid_argument("importance: unknown metric or views");
+  }
+  for (const float* weights : given.weights) {
+    L4D_RETURN_IF_ERROR(check_numbers(weights, count, "weight"));
+  }
+  return check_numbers(given.min_sizes, count, "minimum size");
 }
 
 // A decoder takes the middle of a window for the time that the position is of, and so does all that
@@ -205,22 +238,7 @@ Status check_input(const EncoderInput& input) {
   if (p.coordinate_system > 255 || p.color_space > 255) {
     return invalid_argument("placement: coordinate_system and color_space are ids below 256");
   }
-  for (const float* w : input.weights) {
-    if (w == nullptr) continue;
-    for (uint64_t i = 0; i < g.count; ++i) {
-      if (!(w[i] >= 0 && std::isfinite(w[i]))) {
-        return Status(L4D_ERR_INVALID_SCENE,
-                      "the weight of Gaussian " + std::to_string(i) + " is not a number >= 0");
-      }
-    }
-  }
-  for (uint64_t i = 0; input.min_sizes != nullptr && i < g.count; ++i) {
-    if (!(input.min_sizes[i] >= 0 && std::isfinite(input.min_sizes[i]))) {
-      return Status(L4D_ERR_INVALID_SCENE,
-                    "the minimum size of Gaussian " + std::to_string(i) + " is not a number >= 0");
-    }
-  }
-  return {};
+  return check_importance(input.importance, g.count);
 }
 
 namespace {
@@ -258,7 +276,7 @@ std::string refusal(const l4d_gaussians& g, size_t i, const std::string& attribu
         ", a size between 4.1e-8 and 2.4e7. Where lengths are too small or too large, scale the "
         "scene to other units before encoding it";
   }
-  return text + ", or leave such Gaussians out (drop-invalid)";
+  return text + "; with drop-invalid such Gaussians are left out";
 }
 
 // Chooses the Gaussians that are coded: s.source, and the numbers of the others.
@@ -266,18 +284,19 @@ Status choose_gaussians(const EncoderInput& input, const EncoderSettings& settin
                         EncoderScene* out) {
   const l4d_gaussians& g = input.gaussians;
   EncoderScene& s = *out;
-  const float* alpha_t = input.weights[L4D_WEIGHT_ALPHA_T];
-  const double prune = settings.pruning(alpha_t != nullptr).weight;
+  const float* alpha_t = input.importance.weights[L4D_WEIGHT_ALPHA_T];
+  const Pruning pruning = settings.pruning(input.importance.views, alpha_t != nullptr);
+  const double prune = pruning.weight;
   if (prune >= 0 && alpha_t == nullptr) {
     return invalid_argument(
         "prune-weight needs alpha_t weights: measure them from cameras, or do without "
         "(prune-weight=-1)");
   }
   // What is seen of a Gaussian ends with its opacity, so to leave it out is to take that away.
-  const bool squares = settings.get_int(L4D_ENC_WEIGHT_METRIC) == 1;
-  const float* of_opacity =
-      squares && !settings.get_bool(L4D_ENC_LOSSLESS) ? input.weights[L4D_WEIGHT_OPACITY] : nullptr;
-  const double pruning_error = Quality(settings, g.count).pruning_error();
+  const float* of_opacity = is_gauss_newton(input) && !settings.get_bool(Parameter::kLossless)
+                                ? input.importance.weights[L4D_WEIGHT_OPACITY]
+                                : nullptr;
+  const double pruning_error = Quality(settings, g.count).pruning_error(pruning.cost);
   bool has_windows = false;
   const auto hardly_matters = [&](size_t i) {
     if (of_opacity == nullptr) return false;
@@ -292,7 +311,7 @@ Status choose_gaussians(const EncoderInput& input, const EncoderSettings& settin
       attribute = "window";
     }
     if (attribute != nullptr) {
-      if (!settings.get_bool(L4D_ENC_DROP_INVALID)) {
+      if (!settings.get_bool(Parameter::kDropInvalid)) {
         return Status(L4D_ERR_INVALID_SCENE, refusal(g, i, attribute));
       }
       ++s.invalid_dropped;
@@ -379,8 +398,8 @@ void normalize(EncoderScene* out, size_t i, int gauge) {
 // Measured where it was, else as it seems from a Gaussian's size, opacity and life.
 void set_light(const EncoderInput& input, bool lossless, EncoderScene* out) {
   EncoderScene& s = *out;
-  const float* const alpha_t = input.weights[L4D_WEIGHT_ALPHA_T];
-  const float* const of_opacity = input.weights[L4D_WEIGHT_OPACITY];
+  const float* const alpha_t = input.importance.weights[L4D_WEIGHT_ALPHA_T];
+  const float* const of_opacity = input.importance.weights[L4D_WEIGHT_OPACITY];
   const bool logit = lossless && (s.given.flags & L4D_OPACITY_LOGIT) != 0;
   s.light.resize(s.count);
   for (size_t i = 0; i < s.count; ++i) {
@@ -393,13 +412,14 @@ void set_light(const EncoderInput& input, bool lossless, EncoderScene* out) {
   }
 }
 
-void set_weights(const EncoderInput& input, bool gauss_newton, EncoderScene* out) {
+void set_weights(const EncoderInput& input, EncoderScene* out) {
   EncoderScene& s = *out;
+  const bool gauss_newton = is_gauss_newton(input);
   static constexpr unsigned kOwn[L4D_COMPONENT_COUNT] = {
       L4D_WEIGHT_SH, L4D_WEIGHT_SCALE, L4D_WEIGHT_ROTOR_SPATIAL, L4D_WEIGHT_ROTOR_TEMPORAL};
   for (size_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    const float* own = input.weights[kOwn[c]];
-    const float* given = own != nullptr ? own : input.weights[L4D_WEIGHT_ALPHA_T];
+    const float* own = input.importance.weights[kOwn[c]];
+    const float* given = own != nullptr ? own : input.importance.weights[L4D_WEIGHT_ALPHA_T];
     s.weight[c].resize(s.count);
     for (size_t i = 0; i < s.count; ++i) {
       const double w =
@@ -415,17 +435,17 @@ void set_weights(const EncoderInput& input, bool gauss_newton, EncoderScene* out
 Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings, int threads,
                      EncoderScene* out) {
   EncoderScene& s = *out;
-  const bool lossless = settings.get_bool(L4D_ENC_LOSSLESS);
+  const bool lossless = settings.get_bool(Parameter::kLossless);
   s = EncoderScene();
   s.given = input.gaussians;
-  s.min_sizes = input.min_sizes;
+  s.min_sizes = input.importance.min_sizes;
   s.sh_degree = input.gaussians.sh_degree;
   s.timeline = input.timeline;
   s.duration = sequence_duration(input.timeline);
   s.shared_count = input.shared_count;
   L4D_RETURN_IF_ERROR(choose_gaussians(input, settings, out));
   resize(out, lossless);
-  const int gauge = settings.get_int(L4D_ENC_GAUGE);
+  const int gauge = settings.get_int(Parameter::kGauge);
   parallel_for(threads, s.count, kGrain, [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
       gather(out, i, lossless);
@@ -435,9 +455,8 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
   for (size_t k = 0; k < 3; ++k) s.extent = std::max(s.extent, extent_of(s.sorted_axis(k)));
   if (!settings.tiers().empty()) set_light(input, lossless, out);
   if (lossless) return {};
-  const bool gauss_newton = settings.get_int(L4D_ENC_WEIGHT_METRIC) == 1;
-  set_weights(input, gauss_newton, out);
-  set_importance(input, gauss_newton, out);
+  set_weights(input, out);
+  set_importance(input, out);
   return {};
 }
 

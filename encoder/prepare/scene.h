@@ -18,8 +18,7 @@ struct EncoderInput {
   l4d_gaussians gaussians{};
   l4d_timeline timeline{};
   l4d_placement placement{};
-  std::array<const float*, L4D_WEIGHT_COUNT> weights{};  // [count] or null
-  const float* min_sizes = nullptr;                      // [count] or null
+  l4d_importance importance = L4D_INIT(l4d_importance);  // borrowed
   l4d_rendering rendering = default_rendering();
   l4d_presentation presentation = default_presentation();
 

@@ -3,8 +3,10 @@
 
 #include <array>
 #include <cstdint>
+#include <string>
 #include <vector>
 
+#include "encoder/prepare/parameters.h"
 #include "l4d/encode.h"
 #include "libl4dcodec/base/status.h"
 
@@ -15,20 +17,25 @@ struct Pruning {
   double cost;    // as L4D_ENC_PRUNE_COST
 };
 
-// Values of all L4D_ENC_* parameters, per component where they have one.
+// Values of all parameters, per component where they have one.
 class EncoderSettings {
  public:
   EncoderSettings();
 
-  double get(l4d_encoder_parameter id, int component = 0) const {
-    return values_[static_cast<size_t>(id)][static_cast<size_t>(component)];
+  double get(Parameter id, int component = 0) const {
+    return values_[index_of(id)][static_cast<size_t>(component)];
   }
-  int get_int(l4d_encoder_parameter id, int component = 0) const {
+  int get_int(Parameter id, int component = 0) const {
     return static_cast<int>(get(id, component));
   }
-  bool get_bool(l4d_encoder_parameter id) const { return get(id) != 0; }
-  Status set(l4d_encoder_parameter id, int component, double value);
-  // component: L4D_ALL_COMPONENTS or one.
+  bool get_bool(Parameter id) const { return get(id) != 0; }
+  // component: kAllComponents or, of a parameter that has them, one.
+  Status set(Parameter id, int component, double value);
+  // As l4d_encoder_set, l4d_encoder_get and l4d_encoder_set_list.
+  Status set(const std::string& name, double value);
+  Status get(const std::string& name, double* value) const;
+  Status set_list(const std::string& name, const double* values, size_t count);
+  // component: kAllComponents or one.
   Status set_stages(int component, const std::vector<float>& fractions);
   const std::vector<float>& stages(int component) const {
     return stages_[static_cast<size_t>(component)];
@@ -40,12 +47,12 @@ class EncoderSettings {
 
   Status set_preset(const char* name);
 
-  // What is left out, by what is set and what the weights were measured from.
-  Pruning pruning(bool has_alpha_t) const;
+  // What is left out, by what is set and what the weights were measured from: L4D_WEIGHT_VIEWS_*.
+  Pruning pruning(uint32_t views, bool has_alpha_t) const;
 
   // A bound on colours: at a quality that was set below that of the preset, the bound of the preset
   // grows as errors do.
-  double color_bound(l4d_encoder_parameter id) const;
+  double color_bound(Parameter id) const;
 
   // Whether positions are fixed point. The profile of indices has binary16, if it is asked for.
   bool codes_fixed_positions() const;
@@ -61,21 +68,17 @@ class EncoderSettings {
   void set_bounds(double position, double covariance, double opacity, double base_color,
                   double directional_color);
 
-  std::array<std::array<double, L4D_COMPONENT_COUNT>, L4D_ENC_PARAMETER_COUNT> values_;
+  using Values = std::array<double, L4D_COMPONENT_COUNT>;
+  static size_t index_of(Parameter id) { return static_cast<size_t>(id); }
+  Values& of(Parameter id) { return values_[index_of(id)]; }
+  bool was_set(Parameter id) const { return was_set_[index_of(id)]; }
+
+  std::array<Values, kNumNumbers> values_;
   std::array<std::vector<float>, L4D_COMPONENT_COUNT> stages_;
   std::vector<double> tiers_;
-  std::array<bool, L4D_ENC_PARAMETER_COUNT> was_set_{};  // since the preset
-  double preset_quality_ = 0;                            // dB; 0 = of no preset
+  std::array<bool, kNumNumbers> was_set_{};  // since the preset
+  double preset_quality_ = 0;                // dB; 0 = of no preset
 };
-
-struct ParameterDescription {
-  const char* name;
-  const char* description;
-  double min, max, initial;
-  bool per_component;
-  bool integer;
-};
-const ParameterDescription& describe_parameter(l4d_encoder_parameter id);
 
 struct PresetDescription {
   const char* name;

@@ -11,7 +11,7 @@
 namespace l4d {
 namespace {
 
-constexpr size_t kGrain = 8192;
+constexpr size_t kPointGrain = 8192;
 
 double squared_distance(const float* p, const std::vector<double>& centre) {
   double sum = 0;
@@ -25,9 +25,9 @@ double squared_distance(const float* p, const std::vector<double>& centre) {
 std::vector<double> weighted_mean(const float* points, const float* weights, size_t n, size_t dim,
                                   int threads) {
   const size_t width = dim + 1;  // the total weight comes last
-  std::vector<double> partial((n + kGrain - 1) / kGrain * width, 0.0);
-  parallel_for(threads, n, kGrain, [&](size_t begin, size_t end) {
-    double* sum = partial.data() + begin / kGrain * width;
+  std::vector<double> partial((n + kPointGrain - 1) / kPointGrain * width, 0.0);
+  parallel_for(threads, n, kPointGrain, [&](size_t begin, size_t end) {
+    double* sum = partial.data() + begin / kPointGrain * width;
     for (size_t i = begin; i < end; ++i) {
       const double w = static_cast<double>(weights[i]);
       for (size_t j = 0; j < dim; ++j) sum[j] += w * static_cast<double>(points[i * dim + j]);
@@ -175,7 +175,7 @@ PointSample draw_sample(const float* points, const float* weights, size_t n, siz
 
   const std::vector<double> mean = weighted_mean(points, weights, n, dim, threads);
   std::vector<double> share(n);  // weighted squared distance from the mean, then the chance
-  parallel_for(threads, n, kGrain, [&](size_t begin, size_t end) {
+  parallel_for(threads, n, kPointGrain, [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
       share[i] = static_cast<double>(weights[i]) * squared_distance(points + i * dim, mean);
     }
@@ -186,7 +186,7 @@ PointSample draw_sample(const float* points, const float* weights, size_t n, siz
     total_spread += share[i];
   }
   const bool spread_known = total_spread > 0 && std::isfinite(total_spread);
-  parallel_for(threads, n, kGrain, [&](size_t begin, size_t end) {
+  parallel_for(threads, n, kPointGrain, [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
       const double by_weight = static_cast<double>(weights[i]) / total_weight;
       share[i] = spread_known ? 0.5 * (by_weight + share[i] / total_spread) : by_weight;

@@ -9,8 +9,8 @@ namespace l4d {
 void assign_nearest_reference(const float* points, size_t n, size_t dim, const float* codebook,
                               size_t k, int threads, const uint32_t* /*hint*/, uint32_t* labels,
                               float* sq_dist) {
-  constexpr size_t kGrain = 256;
-  parallel_for(threads, n, kGrain, [&](size_t begin, size_t end) {
+  constexpr size_t kPointGrain = 256;
+  parallel_for(threads, n, kPointGrain, [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
       double best = std::numeric_limits<double>::infinity();
       uint32_t label = 0;

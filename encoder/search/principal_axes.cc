@@ -50,8 +50,8 @@ PrincipalAxes find_principal_axes(const float* rows, size_t n, size_t dim) {
 
 void rotate_to_axes(const PrincipalAxes& axes, const float* rows, size_t n, size_t dim, int threads,
                     float* out) {
-  constexpr size_t kGrain = 1024;
-  parallel_for(threads, n, kGrain, [&](size_t begin, size_t end) {
+  constexpr size_t kFewPoints = 1024;
+  parallel_for(threads, n, kFewPoints, [&](size_t begin, size_t end) {
     std::vector<float> sum(axes.stride);
     for (size_t i = begin; i < end; ++i) {
       std::fill(sum.begin(), sum.end(), 0.0f);

@@ -32,14 +32,14 @@ double frame_seconds(const l4d_timeline& t) {
 
 // The profile that streams of these settings declare.
 unsigned profile_of(const EncoderSettings& settings) {
-  const int given = settings.get_int(L4D_ENC_PROFILE);
+  const int given = settings.get_int(Parameter::kProfile);
   if (given >= 0) return static_cast<unsigned>(given);
   for (const ProfileId p : {ProfileId::kIndexed, ProfileId::kMain, ProfileId::kLossless}) {
     EncoderSettings kept = settings;
     // To ask for a profile must not change how positions are coded.
     const double fixed = settings.codes_fixed_positions() ? 1 : 0;
-    const bool is_set = kept.set(L4D_ENC_FIXED_POSITIONS, L4D_ALL_COMPONENTS, fixed).ok() &&
-                        kept.set(L4D_ENC_PROFILE, L4D_ALL_COMPONENTS, static_cast<double>(p)).ok();
+    const bool is_set = kept.set(Parameter::kFixedPositions, kAllComponents, fixed).ok() &&
+                        kept.set(Parameter::kProfile, kAllComponents, static_cast<double>(p)).ok();
     if (is_set && kept.check_profile().ok()) return static_cast<unsigned>(p);
   }
   return static_cast<unsigned>(ProfileId::kNone);
@@ -158,7 +158,7 @@ Status Session::add(const Encoder& encoder) {
   const EncoderInput& input = encoder.input();
   if (input.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "no scene is set");
   L4D_RETURN_IF_ERROR(check_piece(input));
-  const bool lossless = encoder.settings().get_bool(L4D_ENC_LOSSLESS);
+  const bool lossless = encoder.settings().get_bool(Parameter::kLossless);
   EncoderScene prepared;
   L4D_RETURN_IF_ERROR(prepare_scene(input, encoder.settings(),
                                     static_cast<int>(encoder.options().threads), &prepared));
@@ -359,7 +359,7 @@ SceneHeader Session::empty_header(const Encoder& encoder, const Planned& planned
   h.presentation = piece_.presentation;
   h.sh_degree = piece_.gaussians.sh_degree;
   h.metadata = encoder.metadata();
-  if (encoder.settings().get_bool(L4D_ENC_LOSSLESS)) {
+  if (encoder.settings().get_bool(Parameter::kLossless)) {
     h.position_at_mean_time = (piece_.gaussians.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
     h.opacity_logit = (piece_.gaussians.flags & L4D_OPACITY_LOGIT) != 0;
     h.position = CoordinateCodingId::kRaw32;
@@ -370,7 +370,7 @@ SceneHeader Session::empty_header(const Encoder& encoder, const Planned& planned
     for (ComponentCoding& c : h.layers[0].component) c.coding = ComponentCodingId::kRaw32;
   }
   h.profile = profile_of(encoder.settings());
-  const int level = encoder.settings().get_int(L4D_ENC_LEVEL);
+  const int level = encoder.settings().get_int(Parameter::kLevel);
   h.conformance_level = static_cast<unsigned>(level < 0 ? 1 : level);
   return h;
 }
@@ -385,8 +385,8 @@ Status Session::code(const Encoder& encoder, const Planned& planned, Bytes* out)
   input.shared_count = planned.shared_count;
   // What is left out was chosen for the whole piece.
   EncoderSettings settings = encoder.settings();
-  L4D_RETURN_IF_ERROR(settings.set(L4D_ENC_PRUNE_WEIGHT, L4D_ALL_COMPONENTS, -1));
-  L4D_RETURN_IF_ERROR(settings.set(L4D_ENC_PRUNE_COST, L4D_ALL_COMPONENTS, 0));
+  L4D_RETURN_IF_ERROR(settings.set(Parameter::kPruneWeight, kAllComponents, -1));
+  L4D_RETURN_IF_ERROR(settings.set(Parameter::kPruneCost, kAllComponents, 0));
   Bytes stream;
   EncodeReport report;
   const auto keep = [&](const unsigned char* data, size_t n) {

@@ -37,8 +37,8 @@ Sequence shown_times(double mean, double lambda, double peak) {
 
 uint64_t SessionPool::bytes_of(const EncoderInput& input, size_t count) {
   uint64_t numbers = numbers_per_gaussian(input.gaussians.sh_degree);
-  for (const float* weights : input.weights) numbers += weights != nullptr ? 1 : 0;
-  numbers += input.min_sizes != nullptr ? 1 : 0;
+  for (const float* weights : input.importance.weights) numbers += weights != nullptr ? 1 : 0;
+  numbers += input.importance.min_sizes != nullptr ? 1 : 0;
   return uint64_t{count} * (numbers * sizeof(float) + sizeof(PooledGaussian));
 }
 
@@ -54,11 +54,15 @@ Status SessionPool::add(const EncoderInput& input, const EncoderScene& prepared,
     return invalid_argument("a piece has another SH degree or other flags than those before");
   }
   for (size_t k = 0; k < L4D_WEIGHT_COUNT; ++k) {
-    if (!first && weights_[k].empty() != (input.weights[k] == nullptr)) {
+    if (!first && weights_[k].empty() != (input.importance.weights[k] == nullptr)) {
       return invalid_argument("a piece has other weights than those before");
     }
   }
-  if (!first && min_sizes_.empty() != (input.min_sizes == nullptr)) {
+  if (!first && metric_ != input.importance.metric) {
+    return invalid_argument("a piece has weights of another metric than those before");
+  }
+  metric_ = input.importance.metric;
+  if (!first && min_sizes_.empty() != (input.importance.min_sizes == nullptr)) {
     return invalid_argument("only some pieces have minimum sizes");
   }
   const std::vector<uint32_t>& from = prepared.source;
@@ -71,9 +75,11 @@ Status SessionPool::add(const EncoderInput& input, const EncoderScene& prepared,
   arrays_.mean_t.resize(arrays_.opacity.size());
   has_windows_ = has_windows_ || !prepared.window.empty();
   for (size_t k = 0; k < L4D_WEIGHT_COUNT; ++k) {
-    if (input.weights[k] != nullptr) append_rows(from, 1, input.weights[k], &weights_[k]);
+    if (input.importance.weights[k] != nullptr)
+      append_rows(from, 1, input.importance.weights[k], &weights_[k]);
   }
-  if (input.min_sizes != nullptr) append_rows(from, 1, input.min_sizes, &min_sizes_);
+  if (input.importance.min_sizes != nullptr)
+    append_rows(from, 1, input.importance.min_sizes, &min_sizes_);
 
   const std::vector<double> share = lossless ? std::vector<double>(prepared.count, 0)
                                              : estimated_shares(prepared, &sum_of_estimates_);
@@ -118,7 +124,7 @@ void SessionPool::keep(const std::vector<char>& mask) {
 
 SessionScene::SessionScene(const SessionPool& pool, const std::vector<uint32_t>& rows,
                            const l4d_timeline& timeline, double price_seconds)
-    : timeline_(timeline) {
+    : timeline_(timeline), metric_(pool.metric_) {
   const AttributeArrays& all = pool.arrays_;
   arrays_.sh_degree = all.sh_degree;
   arrays_.flags = all.flags;
@@ -166,10 +172,12 @@ EncoderInput SessionScene::input(const EncoderInput& like) const {
   in.placement = like.placement;
   in.rendering = like.rendering;
   in.presentation = like.presentation;
+  in.importance.count = in.gaussians.count;
+  in.importance.metric = metric_;
   for (size_t k = 0; k < L4D_WEIGHT_COUNT; ++k) {
-    if (!weights_[k].empty()) in.weights[k] = weights_[k].data();
+    if (!weights_[k].empty()) in.importance.weights[k] = weights_[k].data();
   }
-  if (!min_sizes_.empty()) in.min_sizes = min_sizes_.data();
+  if (!min_sizes_.empty()) in.importance.min_sizes = min_sizes_.data();
   in.exposure = exposure_.data();
   in.share = share_.data();
   return in;

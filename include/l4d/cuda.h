@@ -23,8 +23,6 @@ typedef struct l4d_cuda_device_info {
   uint32_t usable; /* 1: this build has code for it */
   uint64_t memory_bytes;
 } l4d_cuda_device_info;
-L4D_API void l4d_cuda_device_info_init_(l4d_cuda_device_info* info, size_t struct_size);
-#define l4d_cuda_device_info_init(info) l4d_cuda_device_info_init_((info), sizeof(*(info)))
 
 /* Returns the number of devices that the driver reports: 0 without a driver or without device code
  * in this build. */
@@ -39,7 +37,7 @@ L4D_API l4d_status l4d_cuda_get_device_info(uint32_t device, l4d_cuda_device_inf
  * uploaded: the calls are the same, and slower.
  *
  *   l4d_cuda_decoder_create(decoder, 0, &cuda);
- *   l4d_cuda_request request; l4d_cuda_request_init(&request);
+ *   l4d_cuda_request request = L4D_INIT(l4d_cuda_request);
  *   l4d_cuda_decoder_prepare(cuda, &query, &request);      // host: reads, checks, learns sizes
  *   ... device arrays of request.num_gaussians, a workspace of request.workspace_bytes ...
  *   l4d_cuda_decoder_decode(cuda, &buffers, workspace, request.workspace_bytes, stream);
@@ -52,7 +50,7 @@ typedef struct l4d_cuda_decoder l4d_cuda_decoder;
 /* Attributes of a request. */
 enum {
   L4D_CUDA_POSITION = 1u << 0,
-  L4D_CUDA_MEAN_T = 1u << 1, /* mean_t and mean_t_local */
+  L4D_CUDA_MEAN_T = 1u << 1, /* mean_t, mean_t_local and window */
   L4D_CUDA_LOG_SCALE = 1u << 2,
   L4D_CUDA_ROTOR = 1u << 3,
   L4D_CUDA_OPACITY = 1u << 4,
@@ -63,21 +61,20 @@ enum {
 /* What a request may be decoded to. */
 enum {
   L4D_CUDA_FORM_EXPANDED = 1u << 0, /* by decode */
-  L4D_CUDA_FORM_PACKED = 1u << 1    /* by decode_packed; alone, codebooks stay unread */
+  /* By decode_packed (experimental/cuda_packed.h); alone, codebooks stay unread. */
+  L4D_CUDA_FORM_PACKED = 1u << 1
 };
 
 typedef struct l4d_cuda_request {
   size_t struct_size;
-  uint32_t attributes;    /* in: L4D_CUDA_* attributes that decode may output; default all */
-  uint32_t forms;         /* in: L4D_CUDA_FORM_*; default EXPANDED */
+  uint32_t attributes;    /* in: L4D_CUDA_* attributes that decode may output; 0 = all */
+  uint32_t forms;         /* in: L4D_CUDA_FORM_*; 0 = EXPANDED */
   uint64_t num_gaussians; /* out, as in l4d_selection */
   uint64_t num_spans;
   uint64_t num_pages;
   uint64_t upload_bytes;    /* from the host to the device in each decode */
   uint64_t workspace_bytes; /* device memory; may be 0 if the host decodes everything */
 } l4d_cuda_request;
-L4D_API void l4d_cuda_request_init_(l4d_cuda_request* request, size_t struct_size);
-#define l4d_cuda_request_init(request) l4d_cuda_request_init_((request), sizeof(*(request)))
 
 /* Device arrays, owned by the caller, each at a multiple of 16 bytes; shapes and units as in
  * l4d_gaussian_buffers. NULL = not wanted. */
@@ -91,32 +88,8 @@ typedef struct l4d_cuda_gaussian_buffers {
   float* rotor;        /* [N, 8] */
   float* opacity;      /* [N] */
   float* sh;           /* [N, (D+1)^2, 3] */
+  uint32_t* window;    /* [N, 2] */
 } l4d_cuda_gaussian_buffers;
-L4D_API void l4d_cuda_gaussian_buffers_init_(l4d_cuda_gaussian_buffers* buffers,
-                                             size_t struct_size);
-#define l4d_cuda_gaussian_buffers_init(buffers) \
-  l4d_cuda_gaussian_buffers_init_((buffers), sizeof(*(buffers)))
-
-/* Device arrays as in l4d_packed_buffers. depth, index and escape of a component belong to that
- * component's L4D_CUDA_* attribute, scale_factor to L4D_CUDA_LOG_SCALE. */
-typedef struct l4d_cuda_packed_component {
-  uint8_t* depth;            /* [N] */
-  uint16_t* index;           /* [num_stages][N], stage s of Gaussian i at s * capacity + i */
-  uint16_t* escape;          /* [escape_capacity, dim], in order of their Gaussians */
-  uint64_t escape_capacity;  /* the number of Gaussians is always enough */
-} l4d_cuda_packed_component; /* frozen */
-typedef struct l4d_cuda_packed_buffers {
-  size_t struct_size;
-  uint64_t capacity;      /* Gaussians each array can hold */
-  uint16_t* position;     /* [N, 3] */
-  uint16_t* mean_t;       /* [N] */
-  uint16_t* opacity;      /* [N] */
-  uint16_t* scale_factor; /* [N] */
-  l4d_cuda_packed_component component[L4D_COMPONENT_COUNT];
-} l4d_cuda_packed_buffers;
-L4D_API void l4d_cuda_packed_buffers_init_(l4d_cuda_packed_buffers* buffers, size_t struct_size);
-#define l4d_cuda_packed_buffers_init(buffers) \
-  l4d_cuda_packed_buffers_init_((buffers), sizeof(*(buffers)))
 
 /* Creates a device decoder for the open stream of `decoder`, and borrows `decoder`: it must outlive
  * this object, keep that stream open, and serve no other call while one of this object runs. Its
@@ -126,8 +99,6 @@ L4D_API l4d_status l4d_cuda_decoder_create(l4d_decoder* decoder, uint32_t device
                                            l4d_cuda_decoder** out);
 /* Waits for the current request. Accepts NULL. */
 L4D_API void l4d_cuda_decoder_destroy(l4d_cuda_decoder* decoder);
-/* As l4d_decoder_error_message. */
-L4D_API const char* l4d_cuda_decoder_error_message(const l4d_cuda_decoder* decoder);
 
 /* Waits for the previous request, then reads the pages that the query selects into pinned memory
  * and checks their structure. Uploads tables and codebooks on first use. Fails as
@@ -146,28 +117,10 @@ L4D_API l4d_status l4d_cuda_decoder_upload(l4d_cuda_decoder* decoder, void* work
 L4D_API l4d_status l4d_cuda_decoder_decode(l4d_cuda_decoder* decoder,
                                            const l4d_cuda_gaussian_buffers* out, void* workspace,
                                            uint64_t workspace_size, void* stream);
-/* Gives the bits of l4d_decoder_decode_packed. If a component has more escapes than
- * escape_capacity, the first ones are written and finish() fails with BUFFER_TOO_SMALL. */
-L4D_API l4d_status l4d_cuda_decoder_decode_packed(l4d_cuda_decoder* decoder,
-                                                  const l4d_cuda_packed_buffers* out,
-                                                  void* workspace, uint64_t workspace_size,
-                                                  void* stream);
 /* Waits for the last decode and returns its status: CORRUPT, naming clause and offset of the first
  * damaged page, where l4d_decoder_decode would fail. The outputs of damaged pages are then
  * unmodified; all others are valid. */
 L4D_API l4d_status l4d_cuda_decoder_finish(l4d_cuda_decoder* decoder);
-/* Number of escapes of one component that the last decode_packed produced, even if
- * escape_capacity was below it; 0 for a component of which no array was given. Fails with
- * INVALID_STATE before finish(), with INVALID_ARGUMENT if component is no L4D_COMPONENT_*. */
-L4D_API l4d_status l4d_cuda_decoder_get_num_escapes(l4d_cuda_decoder* decoder, uint32_t component,
-                                                    uint64_t* count);
-/* As l4d_decoder_get_codebook, with `entries` in device memory. It is valid until `decoder` is
- * destroyed; a codebook of a block only until the next prepare(). Waits if the codebook is not yet
- * on the device. */
-L4D_API l4d_status l4d_cuda_decoder_get_codebook(l4d_cuda_decoder* decoder, uint32_t layer,
-                                                 uint32_t component, uint32_t stage, uint32_t block,
-                                                 l4d_codebook* out);
-
 #ifdef __cplusplus
 }
 #endif

@@ -4,12 +4,12 @@
  *   l4d_decoder* decoder;
  *   l4d_decoder_create(NULL, &decoder);                   // each call returns an l4d_status
  *   l4d_decoder_open_file(decoder, "scene.l4d");
- *   l4d_query query; l4d_query_init(&query);
+ *   l4d_query query = L4D_INIT(l4d_query);
  *   query.kind = L4D_QUERY_TIME; query.time_begin = 2.5;
- *   l4d_selection selection; l4d_selection_init(&selection);
+ *   l4d_selection selection = L4D_INIT(l4d_selection);
  *   l4d_decoder_select(decoder, &query, &selection);      // number of Gaussians and of bytes
  *   float* position = malloc(selection.num_gaussians * 3 * sizeof *position);
- *   l4d_gaussian_buffers buffers; l4d_gaussian_buffers_init(&buffers);
+ *   l4d_gaussian_buffers buffers = L4D_INIT(l4d_gaussian_buffers);
  *   buffers.capacity = selection.num_gaussians; buffers.position = position;
  *   l4d_decoder_decode(decoder, &query, &buffers);
  *   l4d_decoder_destroy(decoder);
@@ -50,19 +50,12 @@ typedef struct l4d_decoder_options {
   l4d_progress_fn progress;
   void* progress_user;
 } l4d_decoder_options;
-L4D_API void l4d_decoder_options_init_(l4d_decoder_options* options, size_t struct_size);
-#define l4d_decoder_options_init(options) l4d_decoder_options_init_((options), sizeof(*(options)))
 
-/* Creates a decoder without a stream. options may be NULL: all defaults. On failure
- * l4d_last_error_message returns the reason.
+/* Creates a decoder without a stream. options may be NULL: all defaults.
  * Fails with INVALID_ARGUMENT if an option is out of range, OUT_OF_MEMORY, DEVICE if backend is
  * CUDA and no device can be used, FEATURE_UNSUPPORTED if this build lacks the backend. */
 L4D_API l4d_status l4d_decoder_create(const l4d_decoder_options* options, l4d_decoder** out);
 L4D_API void l4d_decoder_destroy(l4d_decoder* decoder); /* accepts NULL */
-
-/* Returns why the last call on this handle failed, or "" if it succeeded. UTF-8, owned by the
- * handle, valid until the next call on it. For people: its wording changes between versions. */
-L4D_API const char* l4d_decoder_error_message(const l4d_decoder* decoder);
 
 /* Opens a stream, and closes the one that was open. Reads the file header and the scene header:
  * bytes and time grow with the number of layers only. The decoder copies `reader`, and uses
@@ -92,6 +85,14 @@ enum {
   L4D_TOOL_FLAT_WINDOWS = 1u << 10 /* Gaussians of some layer are shown in a range of frames */
 };
 
+/* The codings that a stream is restricted to (spec chapter "Profiles and levels"). */
+enum {
+  L4D_PROFILE_NONE = 0,
+  L4D_PROFILE_INDEXED = 1, /* has a packed form: codebooks and scalar codes */
+  L4D_PROFILE_MAIN = 2,    /* nothing is raw float32 */
+  L4D_PROFILE_LOSSLESS = 3 /* all attributes are raw float32 */
+};
+
 typedef struct l4d_info {
   size_t struct_size;
   uint32_t format_major;
@@ -109,58 +110,24 @@ typedef struct l4d_info {
   l4d_placement placement;
   /* What the header declares; 0 = nothing. l4d_validate checks it, l4d_decoder_open does not. */
   uint32_t profile; /* L4D_PROFILE_*, or of a later version */
-  uint32_t level;   /* conformance level, see l4d_get_level_limits */
+  uint32_t level;   /* conformance level, see l4d_get_level_limits (experimental/inspect.h) */
   /* 1: the file declares the streamable layout: what a player needs first comes first. l4d_validate
    * checks it, l4d_decoder_open does not. */
   uint32_t streamable;
   uint32_t reserved2;
 } l4d_info;
-L4D_API void l4d_info_init_(l4d_info* info, size_t struct_size);
-#define l4d_info_init(info) l4d_info_init_((info), sizeof(*(info)))
 L4D_API l4d_status l4d_decoder_get_info(const l4d_decoder* decoder, l4d_info* info);
-
-/* The encoder's statement on single Gaussians (spec section "ErrorStatement"): the largest errors
- * over all decoded Gaussians of the stream, and the bounds that were set. The decoder does not
- * check it.
- */
-typedef struct l4d_coding_errors {
-  size_t struct_size;
-  uint32_t stated; /* 0: the stream states no errors; all that follows is 0 */
-  /* 1: the caller of the encoder gave each Gaussian a minimum size of its own, such as half a pixel
-   * at the nearest camera; smaller sizes count as that. */
-  uint32_t own_min_sizes;
-  /* Distance while the Gaussian has half of its greatest opacity or more, over its size. */
-  double position;
-  /* Ratio between a principal variance and the given one, whichever is larger over the other; and 1
-   * plus the change of the variance in any direction over the largest variance. 1 = no error */
-  double covariance;
-  double opacity; /* at any instant */
-  double visible; /* scene units: distance at any instant at which the Gaussian is visible */
-  double mean_t;  /* in standard deviations over time of the Gaussian */
-  /* 0 = there was none. */
-  double position_bound;
-  double covariance_bound;
-  double opacity_bound;
-  double visible_bound;
-  double min_size; /* scene units: the size of a Gaussian that is smaller counts as this */
-  /* Colours, as L4D_ENC_MAX_BASE_COLOR_ERROR and L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR measure them.
-   * 0: the stream states nothing of colours, and the next four are 0. */
-  uint32_t colors_stated;
-  uint32_t reserved;
-  double base_color;
-  double directional_color;
-  double base_color_bound;
-  double directional_color_bound;
-} l4d_coding_errors;
-L4D_API void l4d_coding_errors_init_(l4d_coding_errors* errors, size_t struct_size);
-#define l4d_coding_errors_init(errors) l4d_coding_errors_init_((errors), sizeof(*(errors)))
-L4D_API l4d_status l4d_decoder_get_coding_errors(const l4d_decoder* decoder,
-                                                 l4d_coding_errors* errors);
 
 /* How the stream asks to be drawn and shown; the defaults where it states nothing. */
 L4D_API l4d_status l4d_decoder_get_rendering(const l4d_decoder* decoder, l4d_rendering* rendering);
 L4D_API l4d_status l4d_decoder_get_presentation(const l4d_decoder* decoder,
                                                 l4d_presentation* presentation);
+
+/* What l4d_encoder_add_metadata stored, pair by pair, for people; keys may repeat. Texts are UTF-8
+ * that the encoder was given, and lent until another stream is opened or the decoder is destroyed;
+ * a zero byte in one ends it. Both are NULL if index is beyond the last pair. */
+L4D_API l4d_status l4d_decoder_get_metadata(const l4d_decoder* decoder, uint32_t index,
+                                            const char** key, const char** value);
 
 /* How a component is coded. The values are those of the spec's chapter "Scene header". */
 enum {
@@ -191,39 +158,8 @@ typedef struct l4d_layer_info {
    * by its channels; 0 where it has none. */
   uint32_t symbols_per_gaussian;
 } l4d_layer_info;
-L4D_API void l4d_layer_info_init_(l4d_layer_info* info, size_t struct_size);
-#define l4d_layer_info_init(info) l4d_layer_info_init_((info), sizeof(*(info)))
 L4D_API l4d_status l4d_decoder_get_layer_info(const l4d_decoder* decoder, uint32_t layer,
                                               l4d_layer_info* info);
-
-/* Parts of a file. Their stored bytes add up to the size of the file. */
-enum {
-  L4D_SECTION_HEADER = 0, /* file header, scene header, extensions */
-  L4D_SECTION_DIRECTORY,  /* page tables, directory pages */
-  L4D_SECTION_CODEBOOKS,
-  L4D_SECTION_RCQ_TABLES,
-  L4D_SECTION_PAGE_OVERHEAD,
-  L4D_SECTION_POSITION,
-  L4D_SECTION_MEAN_T, /* or flat windows */
-  L4D_SECTION_OPACITY,
-  L4D_SECTION_SCALE_FACTOR,
-  L4D_SECTION_SH,
-  L4D_SECTION_SCALE,
-  L4D_SECTION_ROTOR_SPATIAL,
-  L4D_SECTION_ROTOR_TEMPORAL,
-  L4D_SECTION_ENTROPY_TABLES, /* of rANS pages */
-  L4D_SECTION_COUNT
-};
-L4D_API const char* l4d_section_name(uint32_t section); /* "codebooks"; static; NULL if unknown */
-/* Counts stored bytes. Reads every directory page and the head of every page.
- * sections: [capacity], indexed by L4D_SECTION_*. *count, unless NULL, receives the number of
- * sections that this library knows; the first min(capacity, *count) elements are written.
- * layer_bytes: [layer_capacity], bytes of each layer's directory, codebooks, tables and pages; the
- * first min(layer_capacity, num_layers) elements are written. May be NULL if layer_capacity is 0.
- */
-L4D_API l4d_status l4d_decoder_get_sections(l4d_decoder* decoder, uint64_t* sections,
-                                            uint32_t capacity, uint32_t* count,
-                                            uint64_t* layer_bytes, uint32_t layer_capacity);
 
 /* ---- selecting and decoding ---------------------------------------------------------------- */
 enum {
@@ -246,27 +182,32 @@ enum {
    * chunk are unaffected: small pages, and all pages of streams without rANS. */
   L4D_DETAIL_BASE_COLOR = 1
 };
+/* How much of a stream a call takes, as of a scalable video: all zero is all of it. What it leaves
+ * out is neither read nor decoded. Fails with INVALID_ARGUMENT if the detail is unknown. */
+typedef struct l4d_operating_point {
+  uint32_t levels; /* number of temporal levels, the coarsest first; 0 = all */
+  uint32_t tiers;  /* number of tiers, those that matter most first; 0 = all */
+  uint32_t detail; /* L4D_DETAIL_* */
+  uint32_t reserved;
+} l4d_operating_point; /* frozen */
+
 typedef struct l4d_query {
   size_t struct_size;
   uint32_t kind;
-  uint32_t max_level; /* finest temporal level to decode; UINT32_MAX (the default) = all */
-  double time_begin;  /* seconds; clamped to the sequence */
+  uint32_t reserved;
+  double time_begin; /* seconds; clamped to the sequence */
   double time_end;
-  uint32_t detail; /* L4D_DETAIL_*; FULL is the default */
+  l4d_operating_point point;
   /* For TIME and RANGE. 0: skips the pages in which nothing is visible. 1: returns complete
    * buckets; use this to cache buckets. */
   uint32_t whole_buckets;
+  uint32_t reserved2;
   /* For BUCKETS: [num_buckets], borrowed during the call, in strictly ascending order of layer and
-   * then bucket. Any other order fails with INVALID_ARGUMENT. Buckets of levels above max_level and
-   * of tiers above max_tier are skipped. */
+   * then bucket. Any other order fails with INVALID_ARGUMENT. Buckets of levels and tiers that are
+   * not decoded are skipped. */
   const l4d_bucket* buckets;
   uint64_t num_buckets;
-  /* Highest tier to decode; UINT32_MAX (the default) = all. Layers of lower tiers matter more. */
-  uint32_t max_tier;
-  uint32_t reserved;
 } l4d_query;
-L4D_API void l4d_query_init_(l4d_query* query, size_t struct_size);
-#define l4d_query_init(query) l4d_query_init_((query), sizeof(*(query)))
 
 /* The Gaussians of one bucket. They are contiguous in the decoded arrays, which are ordered by
  * layer, then bucket, then the order in the file. */
@@ -307,8 +248,6 @@ typedef struct l4d_selection {
    * in base colour. */
   uint64_t sh_bytes;
 } l4d_selection;
-L4D_API void l4d_selection_init_(l4d_selection* selection, size_t struct_size);
-#define l4d_selection_init(selection) l4d_selection_init_((selection), sizeof(*(selection)))
 L4D_API l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* query,
                                       l4d_selection* selection);
 /* Lists the bucket spans that decoding the query would return. Reads the directory only. With
@@ -317,46 +256,6 @@ L4D_API l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* que
  * capacity is 0. */
 L4D_API l4d_status l4d_decoder_get_spans(l4d_decoder* decoder, const l4d_query* query,
                                          l4d_bucket_span* out, uint64_t capacity, uint64_t* count);
-
-/* A range of bytes of a file: [offset, offset + size). */
-typedef struct l4d_byte_range {
-  uint64_t offset;
-  uint64_t size;
-} l4d_byte_range; /* frozen */
-
-/* What the ranges of l4d_decoder_get_reads hold, and what the call itself reads. Each step holds
- * the ranges of the steps before it and reads only those. */
-enum {
-  L4D_READS_PAGE_TABLES = 0, /* the entries of page tables; the call reads nothing */
-  L4D_READS_DIRECTORY = 1,   /* and the directory pages that they name */
-  L4D_READS_ALL = 2          /* and codebooks, tables and pages: all that the query needs */
-};
-/* The bytes of the file that a query needs, for a caller that fetches them itself: a prefetcher, or
- * a client whose reads are asynchronous and whose l4d_reader answers from memory. Once the reader
- * can answer these ranges, l4d_decoder_select, _get_spans, _decode and _decode_packed succeed with
- * the same query, and l4d_decoder_slice where the query is of kind TIME, with the time and the
- * detail of the slice and `whole_buckets` = 1. With a reader whose block_bytes is 0 they ask for no
- * other byte; otherwise they may, and do without it where the reader fails.
- *
- * A client that holds only the bytes that l4d_decoder_open has read calls this once per step, and
- * fetches the returned ranges before the next step. If the reader can block, one call with ALL is
- * enough. A tolerant decoder skips unreadable directory pages and reports them as losses.
- *
- * The ranges are in ascending order, at least one byte apart, and inside the file. They do not
- * depend on what the decoder holds already; neighbouring pages are joined over small gaps, as the
- * decoder reads them. *count is their number; the first min(capacity, *count) go to `ranges`, which
- * may be NULL where capacity is 0.
- * Fails with INVALID_ARGUMENT on an unknown step, and otherwise as l4d_decoder_select does. */
-L4D_API l4d_status l4d_decoder_get_reads(l4d_decoder* decoder, const l4d_query* query,
-                                         uint32_t step, l4d_byte_range* ranges, uint64_t capacity,
-                                         uint64_t* count);
-
-/* Returns the range of the scene header: the only bytes that l4d_decoder_open reads after the first
- * L4D_FILE_HEADER_BYTES. `data`: the first `size` bytes of the file. Does not check the range
- * against the end of the file. Fails with TRUNCATED if size is below L4D_FILE_HEADER_BYTES, and
- * otherwise as l4d_decoder_open does. */
-#define L4D_FILE_HEADER_BYTES 40
-L4D_API l4d_status l4d_get_header_range(const void* data, size_t size, l4d_byte_range* range);
 
 /* Output arrays, owned by the caller. A NULL array is not decoded and costs no time. If `sh` is
  * NULL, SH detail is not read either. */
@@ -379,12 +278,9 @@ typedef struct l4d_gaussian_buffers {
   double* mean_t_double;
   l4d_gaussian_id* id; /* [N] */
   /* [N, 2] frames: begin and end of flat windows, as in l4d_gaussians; 0, 0 in layers without
-   * L4D_TOOL_FLAT_WINDOWS. The mean time of a Gaussian with a window is the middle of it. If given,
-   * the host decodes, whatever the backend. */
+   * L4D_TOOL_FLAT_WINDOWS. The mean time of a Gaussian with a window is the middle of it. */
   uint32_t* window;
 } l4d_gaussian_buffers;
-L4D_API void l4d_gaussian_buffers_init_(l4d_gaussian_buffers* buffers, size_t struct_size);
-#define l4d_gaussian_buffers_init(buffers) l4d_gaussian_buffers_init_((buffers), sizeof(*(buffers)))
 
 /* Decodes what the query selects. Reads the pages of the selected buckets, and each codebook on its
  * first use.
@@ -395,145 +291,6 @@ L4D_API void l4d_gaussian_buffers_init_(l4d_gaussian_buffers* buffers, size_t st
  * `count` on hold unspecified values. The capacities must still suffice for the whole selection. */
 L4D_API l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
                                       l4d_gaussian_buffers* out);
-
-/* Packed form, for players that keep data quantised: the integers of the stream, entropy-decoded
- * and not dequantised. l4d_decoder_get_codebook returns the codebooks. */
-typedef struct l4d_packed_component {
-  uint8_t* depth;   /* [N] number of stages to add up, 255 = escape; may be NULL */
-  uint16_t* index;  /* [num_stages][N], stage s of Gaussian i at s * capacity + i; entries of
-                       unused or absent stages are 0 */
-  uint16_t* escape; /* [escape_capacity, dim] binary16 bits, in order of their Gaussians */
-  uint64_t escape_capacity;
-  uint64_t num_escapes; /* out: also set when escape is NULL */
-} l4d_packed_component; /* frozen */
-typedef struct l4d_packed_buffers {
-  size_t struct_size;
-  uint64_t capacity;
-  uint64_t count;         /* out */
-  uint16_t* position;     /* [N, 3] binary16 bits in the coded frame */
-  uint16_t* mean_t;       /* [N] binary16 bits, bucket widths from the bucket centre */
-  uint16_t* opacity;      /* [N] SQ code */
-  uint16_t* scale_factor; /* [N] SQ code */
-  l4d_packed_component component[L4D_COMPONENT_COUNT];
-  l4d_bucket_span* spans;
-  uint64_t span_capacity;
-  uint64_t num_spans; /* out, where spans is given */
-  uint32_t* window;   /* [N, 2] frames, as in l4d_gaussian_buffers; mean_t is 0 there */
-} l4d_packed_buffers;
-L4D_API void l4d_packed_buffers_init_(l4d_packed_buffers* buffers, size_t struct_size);
-#define l4d_packed_buffers_init(buffers) l4d_packed_buffers_init_((buffers), sizeof(*(buffers)))
-/* Decodes to the packed form. Only streams of the profile "indexed" have one; the encoder's presets
- * "indexed*" make them if L4D_ENC_PROFILE is 1. Other streams fail with FEATURE_UNSUPPORTED. A
- * tolerant decoder skips lost pages, and their escapes, as l4d_decoder_decode does. Fails with
- * BUFFER_TOO_SMALL if a capacity is too small. */
-L4D_API l4d_status l4d_decoder_decode_packed(l4d_decoder* decoder, const l4d_query* query,
-                                             l4d_packed_buffers* out);
-
-/* Returns one codebook as float32. The decoder owns it. It is valid until the stream is closed; a
- * codebook of a block only until the next call that selects, decodes or slices. `block`:
- * L4D_NO_BLOCK, or, for stage 0 of a component with RCQ, a block of the layer. All layers have the
- * same SH codebooks. */
-typedef struct l4d_codebook {
-  size_t struct_size;
-  const float* entries; /* [num_entries, dim]; NULL where the component has no such stage */
-  uint32_t num_entries;
-  uint32_t dim;
-} l4d_codebook;
-L4D_API void l4d_codebook_init_(l4d_codebook* codebook, size_t struct_size);
-#define l4d_codebook_init(codebook) l4d_codebook_init_((codebook), sizeof(*(codebook)))
-L4D_API l4d_status l4d_decoder_get_codebook(l4d_decoder* decoder, uint32_t layer,
-                                            uint32_t component, uint32_t stage, uint32_t block,
-                                            l4d_codebook* out);
-
-/* How to dequantise the packed integers of a layer:
- *   position = position_center + position_scale * half
- *   opacity = opacity_offset + code * opacity_step, clamped to [0, 1] unless the stream has
- *             L4D_OPACITY_LOGIT
- *   factor = scale_factor_offset + code * scale_factor_step
- *   log_scale[k] = factor + k-th element of the scale vector, clamped to [-17, 17] */
-typedef struct l4d_dequantization {
-  size_t struct_size;
-  float position_center[3];
-  float position_scale;
-  float opacity_offset, opacity_step;
-  float scale_factor_offset, scale_factor_step;
-  float log_scale_t; /* permanent layers: temporal log scale of every Gaussian; else 0 */
-  uint32_t reserved;
-} l4d_dequantization;
-L4D_API void l4d_dequantization_init_(l4d_dequantization* out, size_t struct_size);
-#define l4d_dequantization_init(out) l4d_dequantization_init_((out), sizeof(*(out)))
-L4D_API l4d_status l4d_decoder_get_dequantization(l4d_decoder* decoder, uint32_t layer,
-                                                  l4d_dequantization* out);
-
-/* ---- profiles and levels --------------------------------------------------------------------- */
-
-/* The codings that a stream is restricted to (spec chapter "Profiles and levels"). */
-enum {
-  L4D_PROFILE_NONE = 0,
-  L4D_PROFILE_INDEXED = 1, /* has a packed form: codebooks and scalar codes */
-  L4D_PROFILE_MAIN = 2,    /* nothing is raw float32 */
-  L4D_PROFILE_LOSSLESS = 3 /* all attributes are raw float32 */
-};
-L4D_API const char* l4d_profile_name(uint32_t profile); /* "main"; static; NULL if unknown */
-
-/* Upper limits of a level. Byte counts are stored (compressed) bytes, except table_bytes and
- * memory_bytes. */
-typedef struct l4d_level_limits {
-  size_t struct_size;
-  const char* name; /* "phone"; static */
-  uint64_t instant_gaussians;
-  uint64_t table_bytes;
-  uint64_t instant_bytes;
-  uint64_t start_bytes;
-  uint64_t bytes_per_second;
-  uint64_t burst_bytes;
-  uint64_t memory_bytes;
-  uint64_t instant_symbols;    /* of rANS */
-  uint64_t symbols_per_second; /* with instant_symbols at once */
-} l4d_level_limits;
-L4D_API void l4d_level_limits_init_(l4d_level_limits* limits, size_t struct_size);
-#define l4d_level_limits_init(limits) l4d_level_limits_init_((limits), sizeof(*(limits)))
-/* level: 1..L4D_NUM_LEVELS. profile: L4D_PROFILE_LOSSLESS allows more stored bytes. */
-#define L4D_NUM_LEVELS 6
-L4D_API l4d_status l4d_get_level_limits(uint32_t level, uint32_t profile, l4d_level_limits* limits);
-
-/* What playing the stream forward at normal speed demands of a player. */
-typedef struct l4d_stream_demand {
-  size_t struct_size;
-  uint32_t profile;              /* the narrowest that the stream meets, L4D_PROFILE_* */
-  uint32_t level;                /* the smallest that the stream meets; 0 = none */
-  uint64_t instant_gaussians;    /* of the pages that an instant needs, the most of all instants */
-  double instant_gaussians_time; /* seconds: the first such instant */
-  uint64_t instant_bytes;        /* stored, of these pages and their block codebooks */
-  double instant_bytes_time;
-  uint64_t memory_bytes; /* tables, and pages and block codebooks of an instant, expanded */
-  double memory_time;
-  uint64_t table_bytes; /* codebooks and entropy tables, decoded */
-  /* Stored, of all that the first instant needs, headers and codebooks included. */
-  uint64_t start_bytes;
-  /* In: a link, set by the caller. */
-  uint64_t bytes_per_second;
-  uint64_t burst_bytes;
-  /* Out: bytes that a player must buffer before it starts, at bytes_per_second (leaky bucket), and
-   * the window of time that determines them, in seconds. */
-  uint64_t min_burst_bytes;
-  double window_begin, window_end;
-  /* Out: lowest rate at which a player that buffers burst_bytes never stalls; UINT64_MAX if a
-   * single instant needs more than burst_bytes. */
-  uint64_t min_bytes_per_second;
-  /* Entropy decoding: symbols of rANS, by the bound that layers declare for each Gaussian. Of the
-   * pages that an instant needs, the most of all instants, and the first such instant. */
-  uint64_t instant_symbols;
-  double instant_symbols_time;
-  /* In: symbols that a player has decoded ahead, set by the caller. Out: lowest rate of decoding,
-   * in symbols a second, that then keeps up; UINT64_MAX if none does. */
-  uint64_t burst_symbols;
-  uint64_t min_symbols_per_second;
-} l4d_stream_demand;
-L4D_API void l4d_stream_demand_init_(l4d_stream_demand* demand, size_t struct_size);
-#define l4d_stream_demand_init(demand) l4d_stream_demand_init_((demand), sizeof(*(demand)))
-/* Reads the whole directory and no page. Fails on damage, also in a tolerant decoder. */
-L4D_API l4d_status l4d_decoder_get_stream_demand(l4d_decoder* decoder, l4d_stream_demand* demand);
 
 /* ---- slicing ------------------------------------------------------------------------------- */
 
@@ -573,17 +330,9 @@ typedef struct l4d_splat_buffers {
   float* color;
   l4d_gaussian_id* id;       /* [M] */
   double camera_position[3]; /* scene units; used with `color` only */
+  /* In: what is shown. The cache keeps buckets of both details apart. */
+  l4d_operating_point point;
 } l4d_splat_buffers;
-L4D_API void l4d_splat_buffers_init_(l4d_splat_buffers* buffers, size_t struct_size);
-#define l4d_splat_buffers_init(buffers) l4d_splat_buffers_init_((buffers), sizeof(*(buffers)))
-/* Sets the detail of all following slices, including those of a renderer that uses this decoder.
- * detail: L4D_DETAIL_*; FULL at first. Opening another stream keeps it. The cache keeps buckets of
- * both details apart. */
-L4D_API l4d_status l4d_decoder_set_detail(l4d_decoder* decoder, uint32_t detail);
-/* Sets which layers all following slices show: those of at most this temporal level and this tier;
- * UINT32_MAX, as at first, for all. Opening another stream keeps it. */
-L4D_API l4d_status l4d_decoder_set_layers(l4d_decoder* decoder, uint32_t max_level,
-                                          uint32_t max_tier);
 /* Slices the stream at `time` seconds, clamped to the sequence. Decoded buckets are cached:
  * stepping forward decodes each bucket once. A handle with one thread allocates no memory for an
  * instant whose buckets and directory pages it holds, once it has sliced one of as many pages; a
@@ -593,41 +342,6 @@ L4D_API l4d_status l4d_decoder_set_layers(l4d_decoder* decoder, uint32_t max_lev
  * not finite and color is given. A tolerant decoder skips lost pages and reads them again in each
  * call, so that `count` grows when the reader recovers. */
 L4D_API l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out);
-
-/* 3D Gaussians at one instant as a structure of arrays, the form that renderers take. */
-typedef struct l4d_splat_columns {
-  size_t struct_size;
-  uint64_t capacity;     /* number of Gaussians that each array has room for */
-  uint64_t count;        /* out: number of Gaussians, also if the call fails for capacity */
-  float* position[3];    /* [M] each: x, y, z */
-  float* covariance[6];  /* [M] each: xx xy xz yy yz zz */
-  float* opacity;        /* [M] in [0, 1], temporal falloff applied */
-  const float** sh_rows; /* [M] as in l4d_splat_buffers */
-  /* As in l4d_splat_buffers. Here every Gaussian that looks the same throughout the sequence is
-   * among the first num_still, whichever bucket holds it. */
-  uint64_t num_still;
-  uint64_t still_key;
-  /* In: the call skips Gaussians whose opacity at `time` is below this. It may keep some that are
-   * within rounding of it. 0 = skip none. */
-  float min_opacity;
-  uint32_t reserved;
-  /* As in l4d_splat_buffers. All columns of one of these are NULL, or none is. */
-  float* scale[3];     /* [M] each */
-  float* rotation[4];  /* [M] each: w, x, y, z */
-  float* color[3];     /* [M] each: red, green, blue */
-  l4d_gaussian_id* id; /* [M], or NULL */
-  double camera_position[3];
-} l4d_splat_columns;
-L4D_API void l4d_splat_columns_init_(l4d_splat_columns* columns, size_t struct_size);
-#define l4d_splat_columns_init(columns) l4d_splat_columns_init_((columns), sizeof(*(columns)))
-/* Slices the stream at `time` seconds, clamped to the sequence. The Gaussians and their numbers are
- * those of l4d_decoder_slice, in another order. If capacity is 0, only `count` is computed;
- * otherwise position, covariance, opacity and sh_rows must not be NULL.
- * Fails with BUFFER_TOO_SMALL if capacity is above 0 and below `count`; the arrays are unchanged
- * then. Fails with INVALID_ARGUMENT if min_opacity is not a number >= 0, if only some columns of
- * scale, rotation or color are NULL, or if camera_position is not finite and color is given. */
-L4D_API l4d_status l4d_decoder_slice_columns(l4d_decoder* decoder, double time,
-                                             l4d_splat_columns* out);
 
 /* ---- losses -------------------------------------------------------------------------------- */
 
@@ -679,8 +393,6 @@ typedef struct l4d_counters {
   uint64_t gaussians_lost; /* of lost pages */
   uint64_t details_lost;   /* pages decoded without their SH detail */
 } l4d_counters;
-L4D_API void l4d_counters_init_(l4d_counters* counters, size_t struct_size);
-#define l4d_counters_init(counters) l4d_counters_init_((counters), sizeof(*(counters)))
 L4D_API l4d_status l4d_decoder_get_counters(const l4d_decoder* decoder, l4d_counters* counters);
 
 /* One violation. Strings are valid during the callback. */
@@ -702,14 +414,6 @@ typedef void (*l4d_violation_fn)(void* user, const l4d_violation* violation);
  */
 L4D_API l4d_status l4d_validate(const l4d_reader* reader, const l4d_decoder_options* options,
                                 l4d_violation_fn fn, void* user, uint64_t* num_violations);
-
-/* Checks an open stream against a profile and a level, whatever it declares; 0 = do not check.
- * Calls `fn`, unless NULL, for each broken rule of the spec's chapter "Profiles and levels"; the
- * message says by how much and when. Fails with INVALID_ARGUMENT if the profile or the level is
- * unknown. */
-L4D_API l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile,
-                                                 uint32_t level, l4d_violation_fn fn, void* user,
-                                                 uint64_t* num_violations);
 
 /* Registers a callback for the progress of decode calls; NULL removes it. */
 L4D_API l4d_status l4d_decoder_set_progress(l4d_decoder* decoder, l4d_progress_fn fn, void* user);

@@ -27,8 +27,6 @@ typedef struct l4d_encoder_options {
   uint32_t backend;
   uint64_t seed; /* equal seeds give equal files on one machine */
 } l4d_encoder_options;
-L4D_API void l4d_encoder_options_init_(l4d_encoder_options* options, size_t struct_size);
-#define l4d_encoder_options_init(options) l4d_encoder_options_init_((options), sizeof(*(options)))
 
 /* Creates an encoder with the preset "default". options may be NULL: all defaults. On failure
  * l4d_last_error_message returns the reason.
@@ -36,8 +34,6 @@ L4D_API void l4d_encoder_options_init_(l4d_encoder_options* options, size_t stru
  * CUDA and no device can be used, FEATURE_UNSUPPORTED if this build lacks the backend. */
 L4D_API l4d_status l4d_encoder_create(const l4d_encoder_options* options, l4d_encoder** out);
 L4D_API void l4d_encoder_destroy(l4d_encoder* encoder); /* accepts NULL */
-/* As l4d_decoder_error_message. */
-L4D_API const char* l4d_encoder_error_message(const l4d_encoder* encoder);
 /* Registers a callback for the progress of encode calls; NULL removes it. */
 L4D_API l4d_status l4d_encoder_set_progress(l4d_encoder* encoder, l4d_progress_fn fn, void* user);
 
@@ -53,148 +49,99 @@ L4D_API l4d_status l4d_encoder_set_preset(l4d_encoder* encoder, const char* name
 L4D_API const char* l4d_encoder_preset_name(uint32_t index);
 L4D_API const char* l4d_encoder_preset_description(uint32_t index);
 
-/* A parameter is an id with a value. `component` is an L4D_COMPONENT_* or L4D_ALL_COMPONENTS; a
- * parameter that is not per component accepts L4D_ALL_COMPONENTS only. */
-#define L4D_ALL_COMPONENTS (-1)
-typedef int32_t l4d_encoder_parameter;
-enum {
-  L4D_ENC_LOSSLESS = 0,      /* 0 | 1: raw float32 attributes */
-  L4D_ENC_CODEBOOK_SIZE = 1, /* per component: entries of each stage, 1..65536 */
-  L4D_ENC_ESCAPE_THRESHOLD =
-      2,           /* per component: weight above which a vector is coded as an escape; 0 = never */
-  L4D_ENC_RCQ = 3, /* 0 never, 1 where it pays, 2 wherever allowed */
-  L4D_ENC_RCQ_SIZE = 4,       /* entries of a residual codebook, 1..4096 */
-  L4D_ENC_MERGE_FRACTION = 5, /* a finest layer with fewer than this share is merged, 0..1 */
-  L4D_ENC_MERGE_COUNT = 6,    /* ... or with fewer Gaussians than this */
-  L4D_ENC_PRUNE_WEIGHT = 7,   /* drop Gaussians with alpha_t weight <= this; < 0 = never */
-  /* Gaussians per page, 64..65536. A device decodes pages in parallel: shorter pages use it better.
-   * 4096 in presets with rANS pages, 32768 in presets with zstd. */
-  L4D_ENC_PAGE_SIZE = 8,
-  L4D_ENC_CLOSED_LOOP = 9,   /* 0 | 1: fit positions to the decoded shape */
-  L4D_ENC_GAUGE = 10,        /* rotors: 0 as given, 1 sign, 2 nearest identity, 3 sorted scales */
-  L4D_ENC_OPACITY_BITS = 11, /* 1..16; 0: as the quality allows */
-  L4D_ENC_SCALE_FACTOR_BITS = 12, /* 1..16 */
-  L4D_ENC_KMEANS_ITERATIONS = 13, /* 0..1000 */
-  L4D_ENC_KMEANS_SAMPLE = 14,     /* training points per codeword, 1..1000000 */
-  L4D_ENC_ZSTD_LEVEL = 15,        /* 1..22 */
-  L4D_ENC_DROP_INVALID = 16,      /* 0 | 1: drop Gaussians with NaN, Inf or values out of range */
-  /* 1..9: sets KMEANS_ITERATIONS, KMEANS_SAMPLE and ZSTD_LEVEL together, slower and better with
-   * each step; set one of them afterwards to override it. */
-  L4D_ENC_EFFORT = 17,
-  /* Per component: 0 codebooks, 1 transform, 2 the cheaper one by error and bits. Chosen once for
-   * SH and per layer for the others; both halves of the rotor use the same coding. */
-  L4D_ENC_CODING = 18,
-  /* Target fidelity in dB: PSNR of renders of the decoded scene against renders of the
-   * input, 20..90. Sets every quantiser that has no parameter of its own. Calibrated for weights of
-   * L4D_SENSITIVITY_GAUSS_NEWTON. */
-  L4D_ENC_QUALITY = 19,
-  L4D_ENC_QUALITY_OFFSET = 20, /* per component: dB added to the quality */
-  L4D_ENC_FIXED_POSITIONS =
-      21, /* 0: binary16, 1: fixed point with a step that follows the quality */
-  /* 0..10: codes mean times as binary16 in units of the bucket width, and drops this number of low
-   * bits. -1: chosen by the quality: binary16 if the stream has a packed form, else fixed point. */
-  L4D_ENC_MEAN_T_SHIFT = 22,
-  L4D_ENC_RANS = 23, /* 0: zstd, 1: rANS pages */
-  L4D_ENC_WEIGHT_METRIC =
-      24, /* what the caller's weights are: 0 L4D_SENSITIVITY_SUM, 1 _GAUSS_NEWTON */
-  /* Drops a Gaussian if its bits reduce the error more when spent on other Gaussians: factor on
-   * that threshold, 0 = drops none, 0..10. Needs weights L4D_WEIGHT_OPACITY of
-   * L4D_SENSITIVITY_GAUSS_NEWTON. */
-  L4D_ENC_PRUNE_COST = 25,
-  /* Per component: Lagrangian weight of the rate of codebook indices, relative to the slope of the
-   * codebook's own rate-distortion curve; 0 = always the nearest codeword. 0..10 */
-  L4D_ENC_RATE_LAMBDA = 26,
-  L4D_ENC_POSITION_OFFSET = 27, /* dB added to the quality of fixed-point positions */
-  /* What the stream declares (spec chapter "Profiles and levels"): -1 = the narrowest profile and
-   * the smallest level that it meets, 0 = none. Encoding fails with INVALID_ARGUMENT if other
-   * parameters contradict the profile, and with LIMIT_EXCEEDED if the finished stream exceeds the
-   * level; it then writes nothing, and the message says which limit and by how much. */
-  L4D_ENC_PROFILE = 28, /* L4D_PROFILE_*, or -1 */
-  L4D_ENC_LEVEL = 29,   /* 1..6, 0 or -1 */
-  /* 0 | 1. 1: the quality also chooses codebook sizes (at most CODEBOOK_SIZE), the number of stages
-   * of each Gaussian, and escapes. Setting stages or an escape threshold sets this to 0. */
-  L4D_ENC_CODEBOOKS_BY_COST = 30,
-  L4D_ENC_REFINE = 31, /* rounds of joint refinement of residual stages, 0..20 */
-  /* 0 | 1, where SH is a transform. 1: codes base colours apart from SH detail (L4D_TOOL_SH_BASE),
-   * so that players can skip the latter. */
-  L4D_ENC_SH_BASE = 32,
-  /* The next four bound the error of every single Gaussian, whatever its weight; 0 = no bound. A
-   * Gaussian that exceeds a bound is coded more finely, or as an escape; the others are not
-   * affected. A Gaussian's size is its largest standard deviation, or, if that is more, 1/4000 of
-   * the scene's extent: 1.25 times the largest side of the box that holds nine tenths of the
-   * Gaussians on each axis. The rounding of binary16 positions adds to errors of position: then
-   * the stream states no bound on them.
-   *
-   * Distance between decoded and given position, in sizes, while the opacity is at least half of
-   * its maximum. 0..1e6 */
-  L4D_ENC_MAX_POSITION_ERROR = 33,
-  /* Ratio between a principal variance and the given one, whichever is larger over the other; and 1
-   * plus the change of the variance in any direction over the largest variance. 0 or above 1 */
-  L4D_ENC_MAX_COVARIANCE_FACTOR = 34,
-  L4D_ENC_MAX_OPACITY_ERROR = 35, /* difference of opacities at any instant, 0..1 */
-  /* Distance in scene units at any instant at which the Gaussian is visible. 0..1e6 */
-  L4D_ENC_MAX_VISIBLE_ERROR = 36,
-  /* What the weights were measured from, L4D_WEIGHT_VIEWS_*. It decides what is dropped, unless
-   * L4D_ENC_PRUNE_WEIGHT and L4D_ENC_PRUNE_COST are set after the preset. A lossless stream keeps
-   * all Gaussians whatever the views. */
-  L4D_ENC_WEIGHT_VIEWS = 37,
-  /* The next two bound the errors of the colours of every single Gaussian, as the four above bound
-   * others; 0 = no bound. Both are in colour units 0..1, or in parts of the largest colour of the
-   * original if that is above 1: of the absolute value of a channel at degree 0, with its offset of
-   * 0.5, and of the sum below over the original's own coefficients. If L4D_ENC_QUALITY is set below
-   * the preset's quality, a bound that was not set is that of the preset times
-   * 10^((preset's quality - quality) / 20).
-   *
-   * Base colour: the largest difference of a channel at degree 0. 0..1e6 */
-  L4D_ENC_MAX_BASE_COLOR_ERROR = 38,
-  /* Directional colour: what degrees 1 to 3 add to the error, at most, in any view direction. It is
-   * the sum over degrees l of sqrt((2l + 1) / (4 pi)) times the Euclidean norm of the difference of
-   * the coefficients of degree l, of the channel in which this is largest. 0..1e6 */
-  L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR = 39,
-  L4D_ENC_PARAMETER_COUNT = 40
-};
-/* Values of L4D_ENC_WEIGHT_VIEWS. */
-enum {
-  /* Pruning is as the preset has it. */
-  L4D_WEIGHT_VIEWS_UNKNOWN = 0,
-  /* Every view that the scene is made for. A Gaussian whose alpha_t weight is 0 shows to nobody and
-   * is dropped; one that costs more than it shows is dropped as the preset has it. */
-  L4D_WEIGHT_VIEWS_ALL = 1,
-  /* Some of these views, or made-up ones. A Gaussian may show in others: none is dropped. */
-  L4D_WEIGHT_VIEWS_SOME = 2
-};
-L4D_API l4d_status l4d_encoder_set(l4d_encoder* encoder, l4d_encoder_parameter id,
-                                   int32_t component, double value);
-L4D_API l4d_status l4d_encoder_get(const l4d_encoder* encoder, l4d_encoder_parameter id,
-                                   int32_t component, double* value);
+/* A parameter has a name. Parameters below keep name and meaning as long as the library its major
+ * version; those of experimental/parameters.h do not. l4d_encoder_parameter_info has all of them,
+ * with ranges and defaults.
+ *
+ * A parameter that is per component takes the name of one behind a full stop: ".sh", ".scale",
+ * ".rotor-spatial" or ".rotor-temporal". Without it, all are set, and that of SH is got. */
+#define L4D_ENC_LOSSLESS "lossless" /* 0 | 1: raw float32 attributes */
+/* Target fidelity in dB: PSNR of renders of the decoded scene against renders of the
+ * input, 20..90. Sets every quantiser that has no parameter of its own. Calibrated for weights of
+ * L4D_SENSITIVITY_GAUSS_NEWTON. */
+#define L4D_ENC_QUALITY "quality"
+/* 1..9: how hard to look for small codes, slower and better with each step. Sets kmeans-iterations,
+ * kmeans-sample and zstd-level together; set one of them afterwards to override it. */
+#define L4D_ENC_EFFORT "effort"
+/* The next four bound the error of every single Gaussian, whatever its weight; 0 = no bound. A
+ * Gaussian that exceeds a bound is coded more finely, or as an escape; the others are not
+ * affected. A Gaussian's size is its largest standard deviation, or, if that is more, 1/4000 of
+ * the scene's extent: on the axis where this is most, 1.25 times the side of the box that holds
+ * nine tenths of the Gaussians, but at most the side of the box that holds all. The rounding of
+ * binary16 positions adds to errors of position: then the stream states no bound on them.
+ *
+ * Distance between decoded and given position, in sizes, while the opacity is at least half of
+ * its maximum. 0..1e6 */
+#define L4D_ENC_MAX_POSITION_ERROR "max-position-error"
+/* Ratio between a principal variance and the given one, whichever is larger over the other; and 1
+ * plus the change of the variance in any direction over the largest variance. 0 or above 1 */
+#define L4D_ENC_MAX_COVARIANCE_FACTOR "max-covariance-factor"
+#define L4D_ENC_MAX_OPACITY_ERROR "max-opacity-error" /* of opacities at any instant, 0..1 */
+/* Distance in scene units at any instant at which the Gaussian is visible. 0..1e30 */
+#define L4D_ENC_MAX_VISIBLE_ERROR "max-visible-error"
+/* The next two bound the errors of the colours of every single Gaussian, as the four above bound
+ * others; 0 = no bound. Both are in colour units 0..1, or in parts of the largest colour of the
+ * original if that is above 1: of the absolute value of a channel at degree 0, with its offset of
+ * 0.5, and of the sum below over the original's own coefficients. If L4D_ENC_QUALITY is set below
+ * the preset's quality, a bound that was not set is that of the preset times
+ * 10^((preset's quality - quality) / 20).
+ *
+ * Base colour: the largest difference of a channel at degree 0. 0..1e6 */
+#define L4D_ENC_MAX_BASE_COLOR_ERROR "max-base-color-error"
+/* Directional colour: what degrees 1 to 3 add to the error, at most, in any view direction. It is
+ * the sum over degrees l of sqrt((2l + 1) / (4 pi)) times the Euclidean norm of the difference of
+ * the coefficients of degree l, of the channel in which this is largest. 0..1e6 */
+#define L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR "max-directional-color-error"
+#define L4D_ENC_DROP_INVALID "drop-invalid" /* 0 | 1: drop what encoding would refuse */
+#define L4D_ENC_PRUNE_WEIGHT "prune-weight" /* drop Gaussians with ALPHA_T <= this; < 0 = never */
+/* Drops a Gaussian if its bits reduce the error more when spent on other Gaussians: factor on
+ * that threshold, 0 = drops none, 0..10. Needs weights L4D_WEIGHT_OPACITY of
+ * L4D_SENSITIVITY_GAUSS_NEWTON. */
+#define L4D_ENC_PRUNE_COST "prune-cost"
+/* Gaussians per page, 64..65536. A device decodes pages in parallel: shorter pages use it better.
+ * 4096 in presets with rANS pages, 32768 in presets with zstd. */
+#define L4D_ENC_PAGE_SIZE "page-size"
+/* What the stream declares (spec chapter "Profiles and levels"): -1 = the narrowest profile and
+ * the smallest level that it meets, 0 = none. Encoding fails with INVALID_ARGUMENT if other
+ * parameters contradict the profile, and with LIMIT_EXCEEDED if the finished stream exceeds the
+ * level; it then writes nothing, and the message says which limit and by how much. */
+#define L4D_ENC_PROFILE "profile" /* L4D_PROFILE_*, or -1 */
+#define L4D_ENC_LEVEL "level"     /* 1..6, 0 or -1 */
+
+/* A list: cuts the Gaussians of temporal level 0, the long-lived ones, into one tier more than it
+ * has values, by importance: by alpha_t weights, else by those of opacities, else as the encoder
+ * estimates it. The first k tiers hold the share values[k - 1] of them, about; small parts join the
+ * tier before. A player shows a coarse picture with the first tier (l4d_operating_point.tiers).
+ * Less than L4D_MAX_TIERS values between 0 and 1, ascending; none, as at first and in presets: one
+ * tier. */
+#define L4D_ENC_TIERS "tiers"
+#define L4D_MAX_TIERS 8
+
+/* Sets a parameter. Fails with INVALID_ARGUMENT if there is none of that name, with such a
+ * component, if it is a list, or if value is out of range. */
+L4D_API l4d_status l4d_encoder_set(l4d_encoder* encoder, const char* name, double value);
+/* Sets a list. values: [count], which count as float32. Fails with INVALID_ARGUMENT if there is no
+ * list of that name, or on another list than its description allows. */
+L4D_API l4d_status l4d_encoder_set_list(l4d_encoder* encoder, const char* name,
+                                        const double* values, uint32_t count);
+/* Returns the value of a parameter that is no list. */
+L4D_API l4d_status l4d_encoder_get(const l4d_encoder* encoder, const char* name, double* value);
+
 typedef struct l4d_parameter_info {
   size_t struct_size;
-  const char* name;        /* "codebook-size"; static */
-  const char* description; /* static */
-  double min, max;
-  uint32_t per_component;
-  uint32_t integer;
+  const char* name; /* static, as the other texts */
+  const char* description;
+  const char* unit;       /* "dB", "sizes", ..; "" = none */
+  double min, max;        /* of a value */
+  double initial;         /* of a new encoder; 0 of a list */
+  uint32_t max_values;    /* 1: a number; more: a list of at most so many */
+  uint32_t integer;       /* 1: whole numbers only */
+  uint32_t per_component; /* 1: see above */
+  uint32_t stable;        /* 0: of experimental/parameters.h */
 } l4d_parameter_info;
-L4D_API void l4d_parameter_info_init_(l4d_parameter_info* info, size_t struct_size);
-#define l4d_parameter_info_init(info) l4d_parameter_info_init_((info), sizeof(*(info)))
-L4D_API l4d_status l4d_encoder_parameter_info(l4d_encoder_parameter id, l4d_parameter_info* info);
-
-/* Cuts the Gaussians of temporal level 0, the long-lived ones, into num_shares + 1 tiers by
- * importance: by alpha_t weights, else by those of opacities, else as the encoder estimates it. The
- * first k tiers hold the share shares[k - 1] of them, about; small parts join the tier before. A
- * player shows a coarse picture with the first tier (l4d_query.max_tier). shares: [num_shares],
- * less than L4D_MAX_TIERS values between 0 and 1, ascending; 0 of them, as at first: one tier. A
- * preset sets that too. Fails with INVALID_ARGUMENT on any other list. */
-#define L4D_MAX_TIERS 8
-L4D_API l4d_status l4d_encoder_set_tiers(l4d_encoder* encoder, uint32_t num_shares,
-                                         const float* shares);
-
-/* Sets residual stages. Stage s of a component is coded for the share fractions[s] of the
- * Gaussians: those with the largest weight times squared residual. fractions:
- * [num_stages], 1..L4D_MAX_STAGES values in [0, 1], not increasing, the first 1. Fails with
- * INVALID_ARGUMENT otherwise. */
-L4D_API l4d_status l4d_encoder_set_stages(l4d_encoder* encoder, int32_t component,
-                                          uint32_t num_stages, const float* fractions);
+/* Describes parameter `index`; lists come last. Fails with INVALID_ARGUMENT beyond the last.
+ */
+L4D_API l4d_status l4d_encoder_parameter_info(uint32_t index, l4d_parameter_info* info);
 
 /* ---- input --------------------------------------------------------------------------------- */
 
@@ -209,26 +156,50 @@ L4D_API l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussia
                                          const l4d_timeline* timeline,
                                          const l4d_placement* placement);
 
-/* Sets importance weights: larger = more visible; finite and >= 0. which: L4D_WEIGHT_*. weights:
- * [count], borrowed as the scene is; NULL removes them. A component without weights of its own uses
- * ALPHA_T, and without that an estimate from opacity, projected area and lifetime. ALPHA_T also
- * decides what PRUNE_WEIGHT drops. */
-L4D_API l4d_status l4d_encoder_set_weights(l4d_encoder* encoder, uint32_t which,
-                                           const float* weights, uint64_t count);
+/* What importance was measured from. It decides what is dropped, unless L4D_ENC_PRUNE_WEIGHT and
+ * L4D_ENC_PRUNE_COST are set after the preset. A lossless stream keeps all Gaussians whatever the
+ * views. */
+enum {
+  /* Pruning is as the preset has it. */
+  L4D_WEIGHT_VIEWS_UNKNOWN = 0,
+  /* Every view that the scene is made for. A Gaussian whose alpha_t weight is 0 shows to nobody and
+   * is dropped; one that costs more than it shows is dropped as the preset has it. */
+  L4D_WEIGHT_VIEWS_ALL = 1,
+  /* Some of these views, or made-up ones. A Gaussian may show in others: none is dropped. */
+  L4D_WEIGHT_VIEWS_SOME = 2
+};
 
-/* States in the stream how it asks to be drawn and shown. NULL, or what l4d_rendering_init and
- * l4d_presentation_init set = the stream states nothing. Fails with INVALID_ARGUMENT if a number is
- * out of its range. Coded attributes do not depend on either. */
+/* How much images of the scene change with each of its N Gaussians, and how large each has to be
+ * for its errors to count. Any renderer can measure it. */
+typedef struct l4d_importance {
+  size_t struct_size;
+  uint64_t count;  /* N */
+  uint32_t metric; /* of the weights: L4D_SENSITIVITY_* */
+  uint32_t views;  /* that they were measured from: L4D_WEIGHT_VIEWS_* */
+  /* By L4D_WEIGHT_*: [N] or NULL; larger = more visible; finite and >= 0. A component without
+   * weights of its own uses ALPHA_T, and without that an estimate from opacity, projected area and
+   * lifetime. ALPHA_T also decides what PRUNE_WEIGHT drops. */
+  const float* weights[L4D_WEIGHT_COUNT];
+  /* [N] scene units, or NULL; finite and >= 0. Sizes below which errors of single Gaussians do not
+   * count (L4D_ENC_MAX_POSITION_ERROR), each Gaussian's own: half a pixel at its distance from the
+   * nearest camera, say. The minimum size of the scene counts where that is larger. */
+  const float* min_sizes;
+} l4d_importance;
+
+/* Sets the importance of the scene's Gaussians, all of it anew; NULL: it is estimated. The encoder
+ * borrows the arrays until importance or a scene is set, which has none at first.
+ * Fails with INVALID_STATE without a scene, with INVALID_ARGUMENT if count is not that of the scene
+ * or metric or views is unknown, and with INVALID_SCENE on a number that is not finite or below 0,
+ * naming the Gaussian. What was set before then stays. */
+L4D_API l4d_status l4d_encoder_set_importance(l4d_encoder* encoder,
+                                              const l4d_importance* importance);
+
+/* States in the stream how it asks to be drawn and shown. NULL, or a
+ * struct with the default of every field = the stream states nothing. Fails with INVALID_ARGUMENT
+ * if a number is out of its range. Coded attributes do not depend on either. */
 L4D_API l4d_status l4d_encoder_set_rendering(l4d_encoder* encoder, const l4d_rendering* rendering);
 L4D_API l4d_status l4d_encoder_set_presentation(l4d_encoder* encoder,
                                                 const l4d_presentation* presentation);
-
-/* Sizes below which errors of single Gaussians do not count (L4D_ENC_MAX_POSITION_ERROR), each
- * Gaussian's own: half a pixel at its distance from the nearest camera, say. The minimum size of
- * the scene counts where that is larger. sizes: [count], scene units, finite and >= 0, borrowed as
- * the scene is, NULL removes. */
-L4D_API l4d_status l4d_encoder_set_min_sizes(l4d_encoder* encoder, const float* sizes,
-                                             uint64_t count);
 
 /* Adds a key and a value to the stream's metadata. Both are copied. Fails with INVALID_ARGUMENT if
  * one is not UTF-8. */
@@ -248,6 +219,10 @@ L4D_API l4d_status l4d_encoder_encode_file(l4d_encoder* encoder, const char* pat
 
 /* Results of the last successful encode. Functions below fail with INVALID_STATE before the first.
  */
+typedef struct l4d_encode_step {
+  const char* name; /* static */
+  double seconds;   /* of wall time */
+} l4d_encode_step;  /* frozen */
 typedef struct l4d_encode_report {
   size_t struct_size;
   uint64_t input_gaussians;
@@ -257,7 +232,7 @@ typedef struct l4d_encode_report {
   uint64_t moved_to_coarser; /* moved to a coarser layer after quantisation */
   uint64_t raw_bytes;        /* 4 (17 + 3 (D+1)^2) per input Gaussian */
   uint64_t file_bytes;
-  uint32_t num_steps; /* timed steps, see l4d_encoder_get_step */
+  uint32_t num_steps; /* of `steps` */
   uint32_t num_layers;
   double total_seconds;
   uint64_t escapes; /* Gaussians coded as escapes: far outside, or to meet a bound */
@@ -270,19 +245,15 @@ typedef struct l4d_encode_report {
   double max_mean_t_error;  /* in standard deviations over time of the Gaussian */
   double max_base_color_error;
   double max_directional_color_error;
+  /* [num_steps] how long each step took; lent until the encoder encodes again or is destroyed. */
+  const l4d_encode_step* steps;
 } l4d_encode_report;
-L4D_API void l4d_encode_report_init_(l4d_encode_report* report, size_t struct_size);
-#define l4d_encode_report_init(report) l4d_encode_report_init_((report), sizeof(*(report)))
 L4D_API l4d_status l4d_encoder_get_report(const l4d_encoder* encoder, l4d_encode_report* report);
 /* Returns where each decoded Gaussian comes from: order[i] is the index in the input scene of the
  * i-th Gaussian that decodes. order: [capacity]. Fails with BUFFER_TOO_SMALL if capacity is below
  * l4d_encode_report.coded_gaussians. */
 L4D_API l4d_status l4d_encoder_get_order(const l4d_encoder* encoder, uint32_t* order,
                                          uint64_t capacity);
-/* Returns the name (static) and the wall seconds of step `index`, below
- * l4d_encode_report.num_steps. */
-L4D_API l4d_status l4d_encoder_get_step(const l4d_encoder* encoder, uint32_t index,
-                                        const char** name, double* seconds);
 
 #ifdef __cplusplus
 }

@@ -10,11 +10,11 @@
  *    be destroyed later. Calls on other handles are allowed.
  *  - Multi-dimensional data is row-major, innermost axis last, written [N, 3]. Lengths are scene
  *    units, time is seconds, angles radians.
- *  - A struct is either versioned or frozen. A versioned struct begins with `size_t struct_size`:
- *    its *_init() macro sets that and every field's default, and later versions append fields. A
- *    function that reads or fills one returns L4D_ERR_INVALID_ARGUMENT if struct_size is below the
- *    size of the struct's first version, so also for a struct of zeros. A frozen struct has no
- *    struct_size: the caller sets every field, and its layout never changes.
+ *  - A struct is either versioned or frozen. A versioned struct begins with `size_t struct_size`,
+ *    and later versions append fields. L4D_INIT sets struct_size, and all other fields to 0, which
+ *    is the default of every field. A function that reads or fills a versioned struct returns
+ *    L4D_ERR_INVALID_ARGUMENT if struct_size is below the size of the struct's first version. A
+ *    frozen struct has no struct_size: the caller sets every field, and its layout never changes.
  *  - The elements of an array of versioned structs lie struct_size bytes apart, and all have the
  *    same struct_size. A program's own array is like that.
  *  - A function that fills a caller's array takes the array's capacity, and never writes beyond it.
@@ -30,8 +30,20 @@
 
 #include "l4d/export.h"
 
+/* A versioned struct with the default of every field, in C and in C++:
+ *   l4d_query query = L4D_INIT(l4d_query);
+ * In C, an object with static storage takes {.struct_size = sizeof(T)} in its place. */
 #ifdef __cplusplus
+template <typename T>
+inline T l4d_make_() noexcept {
+  T out = {};
+  out.struct_size = sizeof(T);
+  return out;
+}
+#define L4D_INIT(T) (l4d_make_<T>())
 extern "C" {
+#else
+#define L4D_INIT(T) ((T){.struct_size = sizeof(T)})
 #endif
 
 /* ---- versions of the library and of the bitstream; they are independent
@@ -59,7 +71,7 @@ enum {
   L4D_ERR_LIMIT_EXCEEDED = -6,       /* a valid stream that needs more than the caller's limits */
   L4D_ERR_INVALID_SCENE = -7,        /* encoder input holds NaN, Inf or values out of range */
   L4D_ERR_BUFFER_TOO_SMALL = -8,     /* a caller's array is too small; the count it needs is set */
-  L4D_ERR_NEED_DATA = -9,            /* bytes that are not supplied yet, see stream.h */
+  L4D_ERR_NEED_DATA = -9,            /* bytes that are not here yet, see playback.h */
   L4D_ERR_NOT_L4D = -10,             /* the magic does not match */
   L4D_ERR_VERSION_UNSUPPORTED = -11, /* a bitstream major version this library does not read */
   L4D_ERR_FEATURE_UNSUPPORTED = -12, /* this library lacks a coding tool or a backend */
@@ -73,9 +85,8 @@ L4D_API const char* l4d_status_name(l4d_status status);        /* "L4D_ERR_CORRU
 L4D_API const char* l4d_status_description(l4d_status status); /* one sentence; static */
 /* Returns why the last failed call on this thread failed, of any function of libl4dcodec,
  * libl4dencoder or libl4drender; "" if none has failed. UTF-8, valid until the next call on this
- * thread that fails. For people: its wording changes between versions. Use it after a failed
- * *_create function and after functions without a handle; a handle keeps the reason of its own last
- * failure, see l4d_decoder_error_message. */
+ * thread that fails: read it, or copy it, before you call on. For people: its wording changes
+ * between versions. */
 L4D_API const char* l4d_last_error_message(void);
 /* Internal, for libl4dencoder and libl4drender: sets that message, cut to 1023 bytes. */
 L4D_API void l4d_keep_error_message_(const char* message);
@@ -108,8 +119,6 @@ typedef struct l4d_reader {
    * over gaps of up to block_bytes, and the next second while slices step forward. */
   uint64_t block_bytes;
 } l4d_reader;
-L4D_API void l4d_reader_init_(l4d_reader* reader, size_t struct_size);
-#define l4d_reader_init(reader) l4d_reader_init_((reader), sizeof(*(reader)))
 
 /* Sequential output. write takes all n bytes and returns 0, or returns another value on failure. */
 typedef struct l4d_writer {
@@ -117,8 +126,6 @@ typedef struct l4d_writer {
   void* user;
   int (*write)(void* user, const void* src, size_t n);
 } l4d_writer;
-L4D_API void l4d_writer_init_(l4d_writer* writer, size_t struct_size);
-#define l4d_writer_init(writer) l4d_writer_init_((writer), sizeof(*(writer)))
 
 /* Called between steps of a long call, on the thread that made the call. `stage` is a short static
  * name. A nonzero return cancels: the call returns L4D_ERR_CANCELLED and the handle stays valid. */
@@ -175,8 +182,6 @@ typedef struct l4d_gaussians {
    * caller whose windows do not begin and end with frames rounds them. */
   const uint32_t* window;
 } l4d_gaussians;
-L4D_API void l4d_gaussians_init_(l4d_gaussians* gaussians, size_t struct_size);
-#define l4d_gaussians_init(gaussians) l4d_gaussians_init_((gaussians), sizeof(*(gaussians)))
 
 /* Where a decoded scene lies in the world: world = origin + scale * position. The library stores
  * this and never applies it, so that large coordinates cost no precision. */
@@ -195,8 +200,9 @@ enum { L4D_COLOR_SRGB = 0, L4D_COLOR_LINEAR_SRGB = 1 };
 
 /* How a scene wants to be drawn (spec section "Rendering"): what renderers of Gaussians do
  * differently. A scene looks as it was trained only if the renderer uses the numbers of its
- * training. l4d_rendering_init sets the numbers of 3D Gaussian splatting, which hold if nothing is
- * stated. */
+ * training. The numbers of 3D Gaussian splatting are dilation 0.3, cutoff 0, min_alpha 1/255,
+ * max_alpha 0.999 and compensation 0. They hold if nothing is stated, and are what a struct means
+ * whose five numbers are 0. */
 typedef struct l4d_rendering {
   size_t struct_size;
   float dilation;  /* pixels^2, 0..16; added to both variances of every splat in the image */
@@ -208,8 +214,6 @@ typedef struct l4d_rendering {
   uint32_t compensation;
   uint32_t stated; /* output of l4d_decoder_get_rendering: 1 if the stream says so; else ignored */
 } l4d_rendering;
-L4D_API void l4d_rendering_init_(l4d_rendering* rendering, size_t struct_size);
-#define l4d_rendering_init(rendering) l4d_rendering_init_((rendering), sizeof(*(rendering)))
 
 /* What a player does with a scene unless its user says otherwise (spec section "Presentation"). */
 enum {
@@ -230,9 +234,6 @@ typedef struct l4d_presentation {
   double camera_fov;                           /* vertical field of view, in (0, 3) */
   double metres_per_unit;                      /* length of a scene unit; 0 = unknown */
 } l4d_presentation;
-L4D_API void l4d_presentation_init_(l4d_presentation* presentation, size_t struct_size);
-#define l4d_presentation_init(presentation) \
-  l4d_presentation_init_((presentation), sizeof(*(presentation)))
 
 /* Components: the parts of a Gaussian that are coded as vectors. Their number is final. */
 enum {
@@ -256,7 +257,25 @@ enum {
   L4D_WEIGHT_POSITION = 5,
   L4D_WEIGHT_OPACITY = 6,
   L4D_WEIGHT_MEAN_T = 7,
-  L4D_WEIGHT_COUNT = 8
+  L4D_WEIGHT_COUNT = 8 /* final */
+};
+
+/* What a weight measures. */
+enum {
+  /* The sensitivity of the paper (section 3.3), as C3DGS defines it. Of each view the sum of all
+   * pixels and channels is taken on black; the magnitude of its derivative by every number of an
+   * attribute is added up over views and divided by the number of pixels, and the largest over the
+   * attribute's numbers is its weight. Of SH it is the derivative of the sum of one channel. */
+  L4D_SENSITIVITY_SUM = 0,
+  /* One unit for all attributes: weight^2 e^2, added up over all numbers that have an error e,
+   * predicts the squared error of images per pixel where errors are independent. That is with the
+   * three channels added up: three times the mean squared error of PSNR. A weight is the root of
+   * the mean, over the attribute's numbers, of the diagonal of the Gauss-Newton matrix: squared
+   * derivatives of each channel of each pixel, added up and divided by the number of pixels. They
+   * are estimated, without bias, by the squared derivative of one sum per view in which every
+   * channel of every pixel has a random sign. Derivatives are by attributes as streams code them:
+   * positions at t_ref, rotors normalised. */
+  L4D_SENSITIVITY_GAUSS_NEWTON = 1
 };
 
 #ifdef __cplusplus

@@ -7,11 +7,13 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "l4d/attributes.hpp"
 #include "l4d/decode.h"
 #include "l4d/encode.h"
+#include "l4d/playback.h"
 
 namespace l4d {
 
@@ -33,8 +35,7 @@ struct GaussianArrays : AttributeArrays {
   std::vector<l4d_bucket_span> spans;
   // What decode calls write to. Times in other forms than mean_t are not wanted here.
   l4d_gaussian_buffers buffers() {
-    l4d_gaussian_buffers b;
-    l4d_gaussian_buffers_init(&b);
+    l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
     b.capacity = count();
     for_each_attribute(
         [](const AttributeInfo&, std::vector<float>& from, float*& to) { to = from.data(); }, *this,
@@ -56,13 +57,51 @@ struct SplatArrays {
   size_t count() const { return opacity.size(); }
 };
 
-// What a slice returns besides position, covariance, opacity and SH.
+// How much a slice shows, and what it returns besides position, covariance, opacity and SH.
 struct SliceOptions {
+  l4d_operating_point point = {};
   bool shape = false;  // scale and rotation
   bool id = false;
   bool color = false;  // as seen from camera_position
   double camera_position[3] = {0, 0, 0};
 };
+
+// Calls slice(buffers) for the count and then for the arrays. sh_degree: of the rows of SH.
+template <typename Slice>
+SplatArrays splats_of(uint32_t sh_degree, const SliceOptions& options, const Slice& slice) {
+  l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
+  b.point = options.point;
+  slice(&b);
+  const size_t n = static_cast<size_t>(b.count);
+  SplatArrays a;
+  a.sh_degree = sh_degree;
+  a.position.resize(3 * n);
+  a.covariance.resize(6 * n);
+  a.opacity.resize(n);
+  a.sh.resize(3 * (sh_degree + 1) * (sh_degree + 1) * n);
+  b.capacity = n;
+  b.position = a.position.data();
+  b.covariance = a.covariance.data();
+  b.opacity = a.opacity.data();
+  b.sh = a.sh.data();
+  if (options.shape) {
+    a.scale.resize(3 * n);
+    a.rotation.resize(4 * n);
+    b.scale = a.scale.data();
+    b.rotation = a.rotation.data();
+  }
+  if (options.color) {
+    a.color.resize(3 * n);
+    b.color = a.color.data();
+    for (int k = 0; k < 3; ++k) b.camera_position[k] = options.camera_position[k];
+  }
+  if (options.id) {
+    a.id.resize(n);
+    b.id = a.id.data();
+  }
+  slice(&b);
+  return a;
+}
 
 class DecoderHandle {
  public:
@@ -82,58 +121,38 @@ class DecoderHandle {
   void open(const l4d_reader& reader) { check(l4d_decoder_open(get(), &reader)); }
 
   l4d_info info() const {
-    l4d_info i;
-    l4d_info_init(&i);
+    l4d_info i = L4D_INIT(l4d_info);
     check(l4d_decoder_get_info(get(), &i));
     return i;
   }
-  l4d_coding_errors coding_errors() const {
-    l4d_coding_errors e;
-    l4d_coding_errors_init(&e);
-    check(l4d_decoder_get_coding_errors(get(), &e));
-    return e;
-  }
   l4d_rendering rendering() const {
-    l4d_rendering r;
-    l4d_rendering_init(&r);
+    l4d_rendering r = L4D_INIT(l4d_rendering);
     check(l4d_decoder_get_rendering(get(), &r));
     return r;
   }
   l4d_presentation presentation() const {
-    l4d_presentation p;
-    l4d_presentation_init(&p);
+    l4d_presentation p = L4D_INIT(l4d_presentation);
     check(l4d_decoder_get_presentation(get(), &p));
     return p;
   }
+  std::vector<std::pair<std::string, std::string>> metadata() const {
+    std::vector<std::pair<std::string, std::string>> pairs;
+    for (uint32_t i = 0;; ++i) {
+      const char *key, *value;
+      check(l4d_decoder_get_metadata(get(), i, &key, &value));
+      if (key == nullptr) return pairs;
+      pairs.emplace_back(key, value);
+    }
+  }
   l4d_layer_info layer_info(uint32_t layer) const {
-    l4d_layer_info i;
-    l4d_layer_info_init(&i);
+    l4d_layer_info i = L4D_INIT(l4d_layer_info);
     check(l4d_decoder_get_layer_info(get(), layer, &i));
     return i;
   }
-  // What playing the stream asks for; fields that the caller sets describe the link that it reads
-  // from.
-  l4d_stream_demand demand(uint64_t bytes_per_second = 0, uint64_t burst_bytes = 0) const {
-    l4d_stream_demand c;
-    l4d_stream_demand_init(&c);
-    c.bytes_per_second = bytes_per_second;
-    c.burst_bytes = burst_bytes;
-    check(l4d_decoder_get_stream_demand(get(), &c));
-    return c;
-  }
   l4d_selection select(const l4d_query& query) const {
-    l4d_selection s;
-    l4d_selection_init(&s);
+    l4d_selection s = L4D_INIT(l4d_selection);
     check(l4d_decoder_select(get(), &query, &s));
     return s;
-  }
-  // The bytes of the file that the query needs; step: L4D_READS_*.
-  std::vector<l4d_byte_range> reads(const l4d_query& query, uint32_t step = L4D_READS_ALL) const {
-    uint64_t count = 0;
-    check(l4d_decoder_get_reads(get(), &query, step, nullptr, 0, &count));
-    std::vector<l4d_byte_range> ranges(static_cast<size_t>(count));
-    check(l4d_decoder_get_reads(get(), &query, step, ranges.data(), count, &count));
-    return ranges;
   }
   GaussianArrays decode(const l4d_query& query) const {
     const l4d_info i = info();
@@ -169,47 +188,12 @@ class DecoderHandle {
     }
     return a;
   }
-  void set_detail(uint32_t detail) const { check(l4d_decoder_set_detail(get(), detail)); }
-  void set_layers(uint32_t max_level, uint32_t max_tier) const {
-    check(l4d_decoder_set_layers(get(), max_level, max_tier));
-  }
   SplatArrays slice(double time, const SliceOptions& options = {}) const {
-    const l4d_info i = info();
-    l4d_splat_buffers b;
-    l4d_splat_buffers_init(&b);
-    check(l4d_decoder_slice(get(), time, &b));
-    const size_t n = static_cast<size_t>(b.count);
-    SplatArrays a;
-    a.sh_degree = i.sh_degree;
-    a.position.resize(3 * n);
-    a.covariance.resize(6 * n);
-    a.opacity.resize(n);
-    a.sh.resize(3 * (i.sh_degree + 1) * (i.sh_degree + 1) * n);
-    b.capacity = n;
-    b.position = a.position.data();
-    b.covariance = a.covariance.data();
-    b.opacity = a.opacity.data();
-    b.sh = a.sh.data();
-    if (options.shape) {
-      a.scale.resize(3 * n);
-      a.rotation.resize(4 * n);
-      b.scale = a.scale.data();
-      b.rotation = a.rotation.data();
-    }
-    if (options.color) {
-      a.color.resize(3 * n);
-      b.color = a.color.data();
-      for (int k = 0; k < 3; ++k) b.camera_position[k] = options.camera_position[k];
-    }
-    if (options.id) {
-      a.id.resize(n);
-      b.id = a.id.data();
-    }
-    check(l4d_decoder_slice(get(), time, &b));
-    return a;
+    return splats_of(info().sh_degree, options,
+                     [&](l4d_splat_buffers* b) { check(l4d_decoder_slice(get(), time, b)); });
   }
   void check(l4d_status status) const {
-    if (status != L4D_OK) throw Error(status, l4d_decoder_error_message(get()));
+    if (status != L4D_OK) throw Error(status, l4d_last_error_message());
   }
 
  private:
@@ -217,6 +201,64 @@ class DecoderHandle {
     void operator()(l4d_decoder* d) const noexcept { l4d_decoder_destroy(d); }
   };
   std::unique_ptr<l4d_decoder, Destroy> handle_;
+};
+
+class PlaybackHandle {
+ public:
+  explicit PlaybackHandle(const l4d_playback_options* options = nullptr) {
+    l4d_playback* p = nullptr;
+    const l4d_status status = l4d_playback_create(options, &p);
+    if (status != L4D_OK) throw Error(status, l4d_last_error_message());
+    handle_.reset(p);
+  }
+  l4d_playback* get() const noexcept { return handle_.get(); }
+
+  void open(double now, const std::string& uri, uint64_t size = 0) {
+    check(l4d_playback_open(get(), now, uri.c_str(), L4D_OPEN_STREAM, size));
+  }
+  void open_playlist(double now, const std::string& uri) {
+    check(l4d_playback_open(get(), now, uri.c_str(), L4D_OPEN_PLAYLIST, 0));
+  }
+  void open(double now, const l4d_reader& reader) {
+    check(l4d_playback_open_reader(get(), now, &reader));
+  }
+  void play(double now) { check(l4d_playback_play(get(), now)); }
+  void pause(double now) { check(l4d_playback_pause(get(), now)); }
+  void seek(double now, double time, double tolerance = 0, uint32_t id = 0) {
+    check(l4d_playback_seek(get(), now, time, tolerance, id));
+  }
+  // Reaches `now`, and returns what there is to do.
+  std::vector<l4d_playback_item> update(double now) {
+    check(l4d_playback_update(get(), now));
+    std::vector<l4d_playback_item> items;
+    for (uint32_t count = kItems; count == kItems;) {
+      const size_t before = items.size();
+      items.resize(before + kItems);
+      check(l4d_playback_take(get(), items.data() + before, kItems, &count));
+      items.resize(before + count);
+    }
+    return items;
+  }
+  l4d_playback_state state() const {
+    l4d_playback_state s = L4D_INIT(l4d_playback_state);
+    check(l4d_playback_get_state(get(), &s));
+    return s;
+  }
+  // options.point does not count: the engine chooses what is shown.
+  SplatArrays slice(double time, const SliceOptions& options = {}) const {
+    return splats_of(state().sh_degree, options,
+                     [&](l4d_splat_buffers* b) { check(l4d_playback_slice(get(), time, b)); });
+  }
+  void check(l4d_status status) const {
+    if (status != L4D_OK) throw Error(status, l4d_last_error_message());
+  }
+
+ private:
+  static constexpr uint32_t kItems = 64;
+  struct Destroy {
+    void operator()(l4d_playback* p) const noexcept { l4d_playback_destroy(p); }
+  };
+  std::unique_ptr<l4d_playback, Destroy> handle_;
 };
 
 class EncoderHandle {
@@ -229,13 +271,19 @@ class EncoderHandle {
   }
   l4d_encoder* get() const noexcept { return handle_.get(); }
   void check(l4d_status status) const {
-    if (status != L4D_OK) throw Error(status, l4d_encoder_error_message(get()));
+    if (status != L4D_OK) throw Error(status, l4d_last_error_message());
+  }
+  void set(const std::string& name, double value) const {
+    check(l4d_encoder_set(get(), name.c_str(), value));
+  }
+  void set_list(const std::string& name, const std::vector<double>& values) const {
+    check(l4d_encoder_set_list(get(), name.c_str(), values.data(),
+                               static_cast<uint32_t>(values.size())));
   }
   // The whole stream in memory.
   std::vector<unsigned char> encode() const {
     std::vector<unsigned char> out;
-    l4d_writer w;
-    l4d_writer_init(&w);
+    l4d_writer w = L4D_INIT(l4d_writer);
     w.user = &out;
     w.write = [](void* user, const void* src, size_t n) -> int {
       auto& bytes = *static_cast<std::vector<unsigned char>*>(user);

@@ -8,9 +8,8 @@
  *   l4d_members_get_shown(members, t, shown, 16, &count);    // the members that show t
  *   for each: l4d_members_get_reader(members, shown[i], &part);
  *             l4d_decoder_open(decoder, &part);              // with options.accept_needs = 1
- *             l4d_decoder_slice(decoder, t - member.shift, ..);
- *
- * The functions at the end copy streams into files of several; they decode and encode nothing.
+ *             streams[i].decoder = decoder; streams[i].time = t - member.shift;
+ *   l4d_slice_streams(streams, count, &buffers);
  */
 #ifndef L4D_MEMBERS_H
 #define L4D_MEMBERS_H
@@ -46,8 +45,6 @@ typedef struct l4d_member {
    * Of a list that is from an index they are begin and end less shift, rounded again. */
   double sequence_begin, sequence_end;
 } l4d_member;
-L4D_API void l4d_member_init_(l4d_member* member, size_t struct_size);
-#define l4d_member_init(member) l4d_member_init_((member), sizeof(*(member)))
 
 typedef struct l4d_members_options {
   size_t struct_size;
@@ -57,8 +54,6 @@ typedef struct l4d_members_options {
   uint32_t ignore_index;
   uint32_t reserved;
 } l4d_members_options;
-L4D_API void l4d_members_options_init_(l4d_members_options* options, size_t struct_size);
-#define l4d_members_options_init(options) l4d_members_options_init_((options), sizeof(*(options)))
 
 /* Lists the members of the file that `reader` reads. The list is copied; `reader` is copied too and
  * is called as long as `*out` or a reader that it gave is in use. The list ends before the first
@@ -76,12 +71,9 @@ typedef struct l4d_members_info {
   uint64_t stream;     /* what all have in common; 0 = not stated */
   uint32_t from_index; /* 1: the list is that of the index; the members themselves were not read */
   l4d_status rest;     /* OK, or why the list ends before the file: TRUNCATED, CORRUPT .. */
+  const char* rest_message; /* the same in words, "" if OK; lent until `members` is destroyed */
 } l4d_members_info;
-L4D_API void l4d_members_info_init_(l4d_members_info* info, size_t struct_size);
-#define l4d_members_info_init(info) l4d_members_info_init_((info), sizeof(*(info)))
 L4D_API l4d_status l4d_members_get_info(const l4d_members* members, l4d_members_info* info);
-/* Returns what l4d_members_info.rest says in words, "" if that is OK. Owned by `members`. */
-L4D_API const char* l4d_members_rest_message(const l4d_members* members);
 
 /* Member `index`, below l4d_members_info.count, in the order of the file. Fails with
  * INVALID_ARGUMENT if there is no such member. */
@@ -103,56 +95,21 @@ L4D_API l4d_status l4d_members_get_shown(const l4d_members* members, double time
  * are not those that the index knows. */
 L4D_API l4d_status l4d_members_get_reader(l4d_members* members, uint64_t index, l4d_reader* out);
 
-/* ---- writing ----------------------------------------------------------------------------------*/
-
-/* What a copied stream says of itself. */
-typedef struct l4d_member_parameters {
-  size_t struct_size;
-  /* 1: it is a member of a file, with the fields up to num_needs. 0: a file of its own. */
-  uint32_t is_member;
-  uint32_t number; /* above that of the member before it */
-  uint32_t role;   /* L4D_MEMBER_MEDIA or _STANDING */
-  uint32_t num_needs;
-  const uint32_t* needs; /* [num_needs] in ascending order, all below `number`; for MEDIA only */
-  double shift;          /* seconds of the presentation less seconds of the sequence */
-  uint64_t stream;
-  /* 1: of what the stream presents, the copy presents the times from edit_begin to edit_end, in
-   * seconds of its sequence. Pages of which nothing is visible then are left out. 0: the copy
-   * presents what the stream does. */
-  uint32_t has_edit;
-  uint32_t reserved;
-  double edit_begin;
-  double edit_end;
-  /* Gaussians of finer temporal levels, and of tiers above this, are left out; UINT32_MAX (the
-   * default) = all are copied. */
-  uint32_t max_level;
-  uint32_t max_tier;
-} l4d_member_parameters;
-L4D_API void l4d_member_parameters_init_(l4d_member_parameters* parameters, size_t struct_size);
-#define l4d_member_parameters_init(parameters) \
-  l4d_member_parameters_init_((parameters), sizeof(*(parameters)))
-
-/* Copies a stream to `writer`, in the streamable layout, with what `parameters` say. Pages stay as
- * they are bit by bit, so that slices of the copy are those of the stream; none is decoded.
- * Extensions other than those of members are copied; signatures are not. *bytes, unless NULL,
- * receives the bytes that were written.
- * Fails with INVALID_ARGUMENT if a parameter breaks a rule of the
- * format, with FEATURE_UNSUPPORTED if the stream is of a later minor version (what it adds is
- * lost), IO, and as l4d_decoder_open and l4d_decoder_select do. options may be NULL; only its
- * limits and `tolerant` count. With tolerant = 1, each page is decoded. Pages and directory pages
- * that are damaged or cannot be read, and pages whose Gaussians break a rule, are left out. If only
- * the SH detail of a page is damaged, the copy has another SH chunk for it: its Gaussians show base
- * colours, as near as the tables of the layer can say that. Of streams without base coefficients of
- * SH, such pages are left out. Fails if no page is left, or if headers or SH tables are damaged. */
-L4D_API l4d_status l4d_copy_member(const l4d_reader* stream, const l4d_decoder_options* options,
-                                   const l4d_member_parameters* parameters,
-                                   const l4d_writer* writer, uint64_t* bytes);
-
-/* Writes an index of all members of the list, to be appended to the file. Fails with
- * INVALID_ARGUMENT if the list ends with an index. */
-L4D_API l4d_status l4d_write_member_index(const l4d_members* members, const l4d_writer* writer,
-                                          uint64_t* bytes);
-
+/* A stream that is shown with others, such as the members of an instant, and the time that it
+ * shows, in seconds of its own sequence. */
+typedef struct l4d_shown_stream {
+  l4d_decoder* decoder;
+  double time;
+} l4d_shown_stream; /* frozen */
+/* Slice `count` streams as one: the Gaussians of stream after stream, each as l4d_decoder_slice
+ * returns them. Rows of SH have the highest degree of the streams; in rows
+ * of lower degree the other coefficients are 0. Of more than one stream, num_still and still_key
+ * are 0, every call writes all Gaussians, and the arrays hold unspecified values if the call fails.
+ * Fails with INVALID_ARGUMENT if `count` is 0 or a decoder is listed twice, with BUFFER_TOO_SMALL
+ * if the capacity is below the count of all together, and otherwise as a slice of the first stream
+ * that fails does. */
+L4D_API l4d_status l4d_slice_streams(const l4d_shown_stream* streams, uint64_t count,
+                                     l4d_splat_buffers* out);
 #ifdef __cplusplus
 }
 #endif

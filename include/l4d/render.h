@@ -4,7 +4,7 @@
  *
  *   l4d_renderer* renderer;
  *   l4d_renderer_create(NULL, &renderer);
- *   l4d_renderer_set_decoder(renderer, decoder);       // or l4d_renderer_set_gaussians
+ *   l4d_renderer_set_streams(renderer, &decoder, NULL, 1, NULL);  // or l4d_renderer_set_gaussians
  *   l4d_renderer_set_time(renderer, 2.5);              // shared by all cameras of that instant
  *   l4d_renderer_render(renderer, &camera, &image);
  *   l4d_renderer_destroy(renderer);
@@ -24,7 +24,7 @@
  *  - Blending is front to back. A splat that would bring a pixel's transmittance below 1e-4 ends
  * the blending of that pixel and is not drawn. The remaining transmittance shows the background.
  *  - Colour is 0.5 + SH in the direction from the camera to the sliced mean, clamped to at least 0.
- *  - The numbers 0.3, 0.999 and 1/255 are those of l4d_rendering_init. Where l4d_rendering says
+ *  - The numbers 0.3, 0.999 and 1/255 are those of 3D Gaussian splatting. Where l4d_rendering says
  *    otherwise, its dilation, max_alpha and min_alpha replace them, a splat also ends at its
  * cutoff, and its compensation scales the opacity. Images have no upper clamp. Rendering is not
  * normative: backends agree within rounding, not bit for bit, and rounding decides on which side of
@@ -62,11 +62,15 @@ typedef struct l4d_renderer_options {
    * stream), splats of a view (144 bytes each) and the lists of splats by tile. The lists are made
    * for as much of the image at a time as fits, and never for more than 256 MiB; the image does not
    * depend on that. Not counted: what the caller gives, images and gradients among it, the
-   * decoder's memory, which has a limit of its own, and l4d_sensitivity. */
+   * decoder's memory, which has a limit of its own, and sums of importance. The 12 bytes that
+   * importance takes for each pixel of a view have to fit beside what is held. */
   uint64_t max_memory_bytes;
+  /* Not NULL: another thread, or a handler of signals, may set *cancel to another number than 0. A
+   * call of the CPU backend that draws, or derives importance, then fails with CANCELLED within
+   * some tenths of a second, however large the image is. Borrowed until the renderer is destroyed.
+   */
+  const int32_t* cancel;
 } l4d_renderer_options;
-L4D_API void l4d_renderer_options_init_(l4d_renderer_options* options, size_t struct_size);
-#define l4d_renderer_options_init(options) l4d_renderer_options_init_((options), sizeof(*(options)))
 
 /* options may be NULL. Fails with INVALID_ARGUMENT if an option is out of range. A renderer of the
  * CUDA backend takes its device when it is given a scene; that call fails with
@@ -76,8 +80,6 @@ L4D_API void l4d_renderer_options_init_(l4d_renderer_options* options, size_t st
  * backend by rounding. */
 L4D_API l4d_status l4d_renderer_create(const l4d_renderer_options* options, l4d_renderer** out);
 L4D_API void l4d_renderer_destroy(l4d_renderer* renderer); /* accepts NULL */
-/* As l4d_decoder_error_message. */
-L4D_API const char* l4d_renderer_error_message(const l4d_renderer* renderer);
 
 /* ---- the scene ------------------------------------------------------------------------------ */
 
@@ -88,23 +90,23 @@ L4D_API const char* l4d_renderer_error_message(const l4d_renderer* renderer);
 L4D_API l4d_status l4d_renderer_set_gaussians(l4d_renderer* renderer,
                                               const l4d_gaussians* gaussians,
                                               const l4d_timeline* timeline);
-/* An open stream: each instant reads the buckets visible then, through the decoder's own cache. The
- * decoder is borrowed likewise, and used on the calling thread only. */
-L4D_API l4d_status l4d_renderer_set_decoder(l4d_renderer* renderer, l4d_decoder* decoder);
-/* Open streams that are shown together, as the members of a file that show an instant (members.h):
- * at a time each is sliced at this time less its shift, and the Gaussians of all are drawn as those
- * of one scene, in the numbers that the first stream states. All are borrowed, decoders as those of
- * l4d_renderer_set_decoder. decoders: [count], each once. shifts: [count] seconds; NULL = 0. Fails
- * with INVALID_ARGUMENT if count is 0, a decoder NULL or a shift not finite. */
-L4D_API l4d_status l4d_renderer_set_decoders(l4d_renderer* renderer, l4d_decoder* const* decoders,
-                                             const double* shifts, uint32_t count);
+/* Open streams: one, or several that are shown together, as the members of a file that show an
+ * instant (members.h). At a time each is sliced at this time less its shift, through its decoder's
+ * own cache, and the Gaussians of all are drawn as those of one scene, in the numbers that the
+ * first stream states. Decoders are borrowed likewise, and used on the calling thread only.
+ * decoders: [count], each once. shifts: [count] seconds; NULL = 0. point: what is shown of each;
+ * NULL = all. Fails with INVALID_ARGUMENT if count is 0, a decoder NULL, a shift not finite or the
+ * detail unknown, with INVALID_STATE if a decoder has no open stream. */
+L4D_API l4d_status l4d_renderer_set_streams(l4d_renderer* renderer, l4d_decoder* const* decoders,
+                                            const double* shifts, uint32_t count,
+                                            const l4d_operating_point* point);
 /* Sets the background colour; black at first. rgb: finite. */
 L4D_API l4d_status l4d_renderer_set_background(l4d_renderer* renderer, const float* rgb /* [3] */);
 
 /* How splats are drawn from now on, whatever the scene states. NULL = as the scene states: a stream
- * as its header does (l4d_decoder_get_rendering), Gaussians by the defaults of l4d_rendering_init.
+ * as its header does (l4d_decoder_get_rendering), Gaussians as 3D Gaussian splatting does.
  * Fails with INVALID_ARGUMENT if a number is out of its range. The CUDA backend draws by the
- * defaults alone: with others, set_decoder, this function and rendering fail with
+ * defaults alone: with others, set_streams, this function and rendering fail with
  * FEATURE_UNSUPPORTED. */
 L4D_API l4d_status l4d_renderer_set_rendering(l4d_renderer* renderer,
                                               const l4d_rendering* rendering);
@@ -123,12 +125,11 @@ typedef struct l4d_camera {
   uint32_t width, height; /* pixels, 1..L4D_MAX_IMAGE_SIDE each */
   double fx, fy, cx, cy;  /* pixels */
   /* [3, 4] row-major, a rotation and a translation. A matrix whose rows are off by more than 1e-3
-   * from unit length or right angles, or that mirrors, fails with INVALID_ARGUMENT. */
+   * from unit length or right angles, or that mirrors, fails with INVALID_ARGUMENT. A rotation
+   * of nine zeros is the identity. */
   double world_to_camera[12];
-  double near_plane; /* scene units; 0.02 unless set */
+  double near_plane; /* scene units; 0 = 0.02 */
 } l4d_camera;
-L4D_API void l4d_camera_init_(l4d_camera* camera, size_t struct_size);
-#define l4d_camera_init(camera) l4d_camera_init_((camera), sizeof(*(camera)))
 
 /* Destination, owned by the caller. */
 typedef struct l4d_image {
@@ -136,8 +137,6 @@ typedef struct l4d_image {
   float* rgb;   /* [height, width, 3], linear in the scene's colour space; may be NULL */
   float* alpha; /* [height, width] opacity of all Gaussians together; may be NULL */
 } l4d_image;
-L4D_API void l4d_image_init_(l4d_image* image, size_t struct_size);
-#define l4d_image_init(image) l4d_image_init_((image), sizeof(*(image)))
 
 /* Renders the instant of the last set_time. Fails with INVALID_STATE without one, INVALID_ARGUMENT
  * if the camera is invalid (see l4d_camera), LIMIT_EXCEEDED (see max_memory_bytes), OUT_OF_MEMORY,
@@ -160,8 +159,6 @@ typedef struct l4d_gradients {
   float* opacity;   /* [N] */
   float* sh;        /* [N, (D+1)^2, 3] */
 } l4d_gradients;
-L4D_API void l4d_gradients_init_(l4d_gradients* gradients, size_t struct_size);
-#define l4d_gradients_init(gradients) l4d_gradients_init_((gradients), sizeof(*(gradients)))
 
 /* Backward pass of one view at the time of the last set_time. rgb_gradient: [height, width, 3], the
  * derivative of the scalar with respect to each pixel. Adds to the arrays of `gradients`. Fails
@@ -170,59 +167,6 @@ L4D_API l4d_status l4d_renderer_backward(l4d_renderer* renderer, const l4d_camer
                                          const float* rgb_gradient, l4d_gradients* gradients);
 
 /* ---- importance ---------------------------------------------------------------------------- */
-
-/* How much images change with each Gaussian, by attribute. SH derivatives are those without the
- * clamp of colours at 0: a Gaussian that is clamped to black still hides what lies behind it.
- * Opacities count as values in [0, 1] whatever the scene's flags. */
-typedef struct l4d_sensitivity l4d_sensitivity;
-
-enum {
-  /* The sensitivity of the paper (section 3.3), as C3DGS defines it. Of each view the sum of all
-   * pixels and channels is taken on black; the magnitude of its derivative by every number of an
-   * attribute is added up over views and divided by the number of pixels, and the largest over the
-   * attribute's numbers is its weight. Of SH it is the derivative of the sum of one channel. */
-  L4D_SENSITIVITY_SUM = 0,
-  /* One unit for all attributes: weight^2 e^2, added up over all numbers that have an error e,
-   * predicts the squared error of images per pixel where errors are independent. That is with the
-   * three channels added up: three times the mean squared error of PSNR. A weight is the root of
-   * the mean, over the attribute's numbers, of the diagonal of the Gauss-Newton matrix: squared
-   * derivatives of each channel of each pixel, added up and divided by the number of pixels. They
-   * are estimated, without bias, by the squared derivative of one sum per view in which every
-   * channel of every pixel has a random sign. Derivatives are by attributes as streams code them:
-   * positions at t_ref, rotors normalised. */
-  L4D_SENSITIVITY_GAUSS_NEWTON = 1
-};
-typedef struct l4d_sensitivity_options {
-  size_t struct_size;
-  uint32_t metric; /* L4D_SENSITIVITY_* */
-  uint32_t reserved;
-  uint64_t seed; /* of the random signs, which depend on it, the view and its repetitions alone */
-} l4d_sensitivity_options;
-L4D_API void l4d_sensitivity_options_init_(l4d_sensitivity_options* options, size_t struct_size);
-#define l4d_sensitivity_options_init(options) \
-  l4d_sensitivity_options_init_((options), sizeof(*(options)))
-
-/* For a scene of `count` Gaussians of degree sh_degree. options may be NULL. */
-L4D_API l4d_status l4d_sensitivity_create(const l4d_sensitivity_options* options, uint64_t count,
-                                          uint32_t sh_degree, l4d_sensitivity** out);
-L4D_API void l4d_sensitivity_destroy(l4d_sensitivity* sensitivity); /* accepts NULL */
-
-/* Adds one view at the renderer's time. The renderer must hold the scene of this accumulator
- * (l4d_renderer_set_gaussians), without a background. visibility_only = 1 records only which
- * Gaussians the view shows, without derivatives, in a fraction of the time: call it for the views
- * that you skip, so that pruning does not drop Gaussians visible only there. On failure
- * l4d_renderer_error_message returns the reason. */
-L4D_API l4d_status l4d_sensitivity_add_view(l4d_sensitivity* sensitivity, l4d_renderer* renderer,
-                                            const l4d_camera* camera, int visibility_only);
-/* Adds the sums of `other`. Fails with INVALID_ARGUMENT unless both have the same scene size and
- * metric. */
-L4D_API l4d_status l4d_sensitivity_merge(l4d_sensitivity* sensitivity,
-                                         const l4d_sensitivity* other);
-/* Returns weights. which: L4D_WEIGHT_*. out: [count]. ALPHA_T is the sum of alpha times
- * transmittance per pixel, over the full views; for Gaussians that only visibility_only views show,
- * over all views. Fails with INVALID_STATE before the first full view. */
-L4D_API l4d_status l4d_sensitivity_get_weights(const l4d_sensitivity* sensitivity, uint32_t which,
-                                               float* out, uint64_t count);
 
 /* One view of l4d_measure_importance. */
 typedef struct l4d_view {
@@ -237,25 +181,23 @@ typedef struct l4d_view {
 typedef struct l4d_process_group {
   size_t struct_size;
   uint32_t rank;  /* of this process, below count */
-  uint32_t count; /* number of processes */
+  uint32_t count; /* number of processes; 0 = 1 */
   /* All-reduce: replaces values [n] by their sums over all processes. All processes call it with
    * the same n in the same order, on the thread that called l4d_measure_importance. Returns 0, or
    * another value on failure; l4d_measure_importance then fails with IO. */
   int (*sum)(void* user, int64_t* values, uint64_t n);
   void* user;
 } l4d_process_group;
-L4D_API void l4d_process_group_init_(l4d_process_group* group, size_t struct_size);
-#define l4d_process_group_init(group) l4d_process_group_init_((group), sizeof(*(group)))
 
 typedef struct l4d_measure_options {
   size_t struct_size;
-  uint32_t metric; /* L4D_SENSITIVITY_*, as in l4d_sensitivity_options */
+  uint32_t metric; /* L4D_SENSITIVITY_* */
   uint32_t reserved;
-  uint64_t seed; /* as in l4d_sensitivity_options */
+  uint64_t seed; /* of the random signs, which depend on it, the view and its repetitions alone */
   /* Measuring stops when the rank correlation between the weights of both halves of the views is at
-   * least this for every component; above 1 = never. Default 0.95. */
+   * least this for every component; above 1 = never, 0 = 0.95. */
   double agreement;
-  double max_share; /* measuring stops at this share of the views; default 1 */
+  double max_share; /* measuring stops at this share of the views; 0 = 1 */
   /* The views that were not measured then get a visibility-only pass, in rounds of 1/16 of the
    * views of each instant, until less than 1e-4 of a round's blending weight belongs to Gaussians
    * that no view has shown before. */
@@ -264,9 +206,9 @@ typedef struct l4d_measure_options {
   /* NULL = this process alone. Otherwise, even for one process, sums are in fixed point, so that
    * weights do not depend on the number of processes. */
   const l4d_process_group* group;
+  l4d_progress_fn progress; /* counts views; NULL = none */
+  void* progress_user;
 } l4d_measure_options;
-L4D_API void l4d_measure_options_init_(l4d_measure_options* options, size_t struct_size);
-#define l4d_measure_options_init(options) l4d_measure_options_init_((options), sizeof(*(options)))
 
 typedef struct l4d_measure_report {
   size_t struct_size;
@@ -278,20 +220,26 @@ typedef struct l4d_measure_report {
   double agreement[4]; /* rank correlation of the halves, by L4D_COMPONENT_*; 0 = not tested */
   uint64_t unseen;     /* Gaussians that none of the measured and visibility-only views shows */
 } l4d_measure_report;
-L4D_API void l4d_measure_report_init_(l4d_measure_report* report, size_t struct_size);
-#define l4d_measure_report_init(report) l4d_measure_report_init_((report), sizeof(*(report)))
 
-/* Measures importance over as many of the views as are needed. Works in rounds: each round adds
- * views from other cameras at every instant, and compares the weights of two independent halves of
- * the views. The renderer must hold the scene (l4d_renderer_set_gaussians), without a background;
- * the call changes its time. cameras: [num_cameras], cameras[0].struct_size bytes apart. views:
- * [num_views], in any order. options, progress and report may be NULL; progress counts views. The
- * caller destroys *out. */
+/* Measures how much images change with each Gaussian, by attribute, over as many of the views as
+ * are needed. Works in rounds: each round adds views from other cameras at every instant, and
+ * compares the weights of two independent halves of the views. SH derivatives are those without the
+ * clamp of colours at 0: a Gaussian that is clamped to black still hides what lies behind it.
+ * Opacities count as values in [0, 1] whatever the scene's flags.
+ *
+ * The renderer must hold the scene (l4d_renderer_set_gaussians), without a background; the call
+ * changes its time. cameras: [num_cameras], cameras[0].struct_size bytes apart. views: [num_views],
+ * in any order. options and report may be NULL. weights: [L4D_WEIGHT_COUNT], by L4D_WEIGHT_*; each
+ * [count], or NULL if it is not wanted: what l4d_importance (encode.h) has. ALPHA_T is the sum of
+ * alpha times transmittance per pixel, over the measured views; for Gaussians that only the
+ * visibility-only pass shows, over all views.
+ * Fails with INVALID_STATE without such a scene, INVALID_ARGUMENT if count is not that of the scene
+ * or an argument is out of range, CANCELLED, IO, OUT_OF_MEMORY, LIMIT_EXCEEDED, DEVICE. */
 L4D_API l4d_status l4d_measure_importance(l4d_renderer* renderer, const l4d_camera* cameras,
                                           uint32_t num_cameras, const l4d_view* views,
                                           uint64_t num_views, const l4d_measure_options* options,
-                                          l4d_progress_fn progress, void* user,
-                                          l4d_measure_report* report, l4d_sensitivity** out);
+                                          float* const* weights, uint64_t count,
+                                          l4d_measure_report* report);
 
 /* ---- statistics ---------------------------------------------------------------------------- */
 enum {
@@ -313,8 +261,6 @@ typedef struct l4d_render_stats {
   uint64_t instances; /* pairs of Gaussian and tile; 0 on the reference backend */
   double seconds[L4D_RENDER_MAX_PASSES]; /* by L4D_RENDER_PASS_*; 0 beyond */
 } l4d_render_stats;
-L4D_API void l4d_render_stats_init_(l4d_render_stats* stats, size_t struct_size);
-#define l4d_render_stats_init(stats) l4d_render_stats_init_((stats), sizeof(*(stats)))
 L4D_API l4d_status l4d_renderer_get_stats(const l4d_renderer* renderer, l4d_render_stats* stats);
 
 #ifdef __cplusplus

@@ -51,6 +51,18 @@ std::string numbered_image(const std::string& pattern, uint32_t frame) {
   return pattern.substr(0, place->begin) + number + pattern.substr(place->end);
 }
 
+std::vector<std::string> notes_of_pinholes(const CameraSet& set) {
+  std::vector<std::string> notes = set.notes;
+  const auto distorted = std::count_if(
+      set.cameras.begin(), set.cameras.end(),
+      [](const Camera& camera) { return camera.distortion.model != Distortion::Model::kNone; });
+  if (distorted > 0) {
+    notes.push_back("The distortion of the lens of " + std::to_string(distorted) +
+                    " cameras is left out: pictures of them must be undistorted.");
+  }
+  return notes;
+}
+
 const std::string& seen_by(const Camera& camera) {
   if (!camera.video.empty()) return camera.video;
   return camera.images.empty() ? camera.image : camera.images;

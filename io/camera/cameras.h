@@ -79,6 +79,10 @@ CameraSet read_cameras(const std::string& path, bool any_path = false, const Hol
 // unless all of it lies in the folder of the file or below, or the set allows any path.
 void require_inside(const CameraSet& set, const Camera& camera);
 
+// The notes of a set for who takes its cameras for pinholes, as renderers do: with how many have a
+// distortion, which is then left out.
+std::vector<std::string> notes_of_pinholes(const CameraSet& set);
+
 // What the camera saw, for people: its video, the pattern of its images, or its image.
 const std::string& seen_by(const Camera& camera);
 

@@ -9,16 +9,13 @@
 
 #include "io/camera/read_cameras.h"
 #include "io/camera/subject.h"
+#include "io/scene/rotor_math.h"
 #include "libl4dcodec/scene/slice.h"
 
 namespace l4d::io {
 namespace {
 
-double dot(const Vec3& a, const Vec3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 double length(const Vec3& a) { return std::sqrt(dot(a, a)); }
-Vec3 cross(const Vec3& a, const Vec3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
 Vec3 ahead(const Vec3& a, double s, const Vec3& b) {  // a + s b
   return {a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]};
 }

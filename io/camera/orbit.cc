@@ -18,10 +18,6 @@ constexpr double kElevation = kPi / 6;  // of the outer rings
 constexpr uint32_t kCountForThreeRings = 12;
 constexpr uint32_t kMaxOrbitCameras = 100000;
 
-Vec3 cross(const Vec3& a, const Vec3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-
 // Towards a camera of an orbit around `up`.
 Vec3 direction(const Vec3& up, double azimuth, double elevation) {
   const Vec3 across = {1, 0, 0};  // no axis of an orbit

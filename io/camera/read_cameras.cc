@@ -8,6 +8,8 @@
 #include <new>
 #include <nlohmann/json.hpp>
 
+#include "io/camera/colmap.h"
+
 namespace l4d::io {
 namespace {
 
@@ -34,11 +36,28 @@ CameraSet read_json(InputFile& file, bool any_path, const Hold& holder) {
   try {
     const Json root = Json::parse(text.begin(), text.end());
     if (root.is_object() && root.contains("cameras")) return read_cameras_json(path, root);
+    if (root.is_object() && root.contains("camera_path")) return read_camera_path(path, root);
     if (root.is_object() && root.contains("frames")) return read_transforms(path, root, any_path);
   } catch (const Json::exception& error) {
     place.fail(error.what());
   }
-  place.fail("no file of cameras: neither `cameras` nor `frames` is there");
+  place.fail("no file of cameras: none of `cameras`, `camera_path` and `frames` is there");
+}
+
+// The cameras of a folder: a model of COLMAP.
+CameraSet read_folder(const std::string& path, const Hold& holder) {
+  const std::string model = find_colmap_model(path);
+  if (model.empty()) {
+    throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
+                path +
+                    ": no cameras in this folder: a model of COLMAP has cameras and images as "
+                    ".bin or .txt in it, in sparse/0 or in 0");
+  }
+  std::vector<std::string> names;
+  CameraSet set = read_colmap_cameras(model, &names, holder);
+  set.notes.push_back("Cameras are the images of COLMAP in the order of their names: 0 is " +
+                      (names.empty() ? "none" : names.front()) + ".");
+  return set;
 }
 
 }  // namespace
@@ -206,12 +225,18 @@ bool leaves_folder(const std::string& name) {
 
 CameraSet read_cameras(const std::string& path, bool any_path, const Hold& holder) {
   try {
-    InputFile file(path, holder);
-    if (file.size() == 0) CameraPlace{path, ""}.fail("the file is empty");
-    // What is left of an .npy file without its magic is an error of that format.
-    const std::string extension = std::filesystem::path(path).extension().string();
-    CameraSet set =
-        extension == ".npy" ? read_poses_bounds(file, holder) : read_json(file, any_path, holder);
+    std::error_code error;
+    CameraSet set;
+    if (std::filesystem::is_directory(path, error)) {
+      set = read_folder(path, holder);
+    } else {
+      InputFile file(path, holder);
+      if (file.size() == 0) CameraPlace{path, ""}.fail("the file is empty");
+      // What is left of an .npy file without its magic is an error of that format.
+      const std::string extension = std::filesystem::path(path).extension().string();
+      set =
+          extension == ".npy" ? read_poses_bounds(file, holder) : read_json(file, any_path, holder);
+    }
     set.any_path = any_path;
     set.holder = holder;
     set.memory = hold(holder, 2 * sizeof(Camera) * set.cameras.size(), path);

@@ -13,6 +13,7 @@ namespace l4d::io {
 // The readers read_cameras() chooses between. Those of JSON may let its exceptions pass.
 CameraSet read_cameras_json(const std::string& path, const nlohmann::json& root);
 CameraSet read_transforms(const std::string& path, const nlohmann::json& root, bool any_path);
+CameraSet read_camera_path(const std::string& path, const nlohmann::json& root);
 CameraSet read_poses_bounds(InputFile& file, const Hold& holder);
 
 // ---- what they share ----

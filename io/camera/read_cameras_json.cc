@@ -8,6 +8,7 @@
 #include <unordered_set>
 
 #include "io/camera/read_cameras.h"
+#include "io/camera/unknown_keys.h"
 
 namespace l4d::io {
 namespace {
@@ -52,7 +53,9 @@ Distortion distortion_of(const CameraPlace& place, const Json& object) {
     *(fisheye ? &out.k[i] : places[i]) = value;
     any |= value != 0;
   }
-  if (any) out.model = fisheye ? Distortion::Model::kFisheye : Distortion::Model::kRadial;
+  // A fisheye lens without coefficients is none the less no pinhole.
+  if (fisheye) out.model = Distortion::Model::kFisheye;
+  if (any && !fisheye) out.model = Distortion::Model::kRadial;
   return out;
 }
 
@@ -75,36 +78,6 @@ constexpr const char* kRootKeys[] = {"fps", "frames", "width", "height", "camera
 constexpr const char* kCameraKeys[] = {
     "id",          "split", "video", "images", "mask", "K", "w2c", "distortion", "distortion_model",
     "time_offset", "near",  "width", "height"};
-
-// A key that is misspelt would otherwise leave its camera without what it says. Each key is named
-// once, with the first camera that has it.
-class UnknownKeys {
- public:
-  explicit UnknownKeys(CameraSet* set) : set_(set) {}
-
-  template <size_t N>
-  void look(const Json& object, const char* const (&known)[N], const std::string& owner) {
-    for (const auto& item : object.items()) {
-      const std::string& key = item.key();
-      if (std::find(std::begin(known), std::end(known), key) != std::end(known)) continue;
-      if (named_.size() == kMaxNamed || !named_.insert(key).second) continue;
-      set_->notes.push_back("The key \"" + printable(key) + "\" of " + owner +
-                            " is not known, and is ignored.");
-    }
-  }
-
- private:
-  static constexpr size_t kMaxNamed = 20;
-
-  static std::string printable(const std::string& key) {
-    std::string out = key.substr(0, 40);
-    for (char& c : out) c = c >= ' ' && c < 127 ? c : '?';
-    return out;
-  }
-
-  CameraSet* set_;
-  std::set<std::string> named_;
-};
 
 }  // namespace
 

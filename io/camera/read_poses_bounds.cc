@@ -186,7 +186,7 @@ uint32_t image_size(const CameraPlace& place, double value) {
 
 // The matrix is camera to world with x down, y right, z back.
 Camera llff_camera(const CameraPlace& place, const double* row) {
-  for (size_t k = 0; k < 15; ++k) {
+  for (size_t k = 0; k < 17; ++k) {
     if (!std::isfinite(row[k])) place.fail("number " + std::to_string(k) + " is not finite");
   }
   Camera out;

@@ -2,9 +2,11 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "io/camera/read_cameras.h"
+#include "io/camera/unknown_keys.h"
 #include "io/image/image.h"
 
 namespace l4d::io {
@@ -24,20 +26,20 @@ std::string split_of(const std::string& path) {
   return "";
 }
 
-// The path of an image; the format leaves out the extension of most.
-std::string image_of(const std::string& path, const std::string& name) {
-  std::string image = beside(path, name);
-  if (image.empty() || fs::path(image).has_extension()) return image;
-  return image + ".png";
-}
-
-// Width and height of a PNG; false where there is none.
-bool read_size(const std::string& path, uint32_t* size) {
+// The path of an image; the format leaves out the extension of most. Names may have dots:
+// "r_0.5" is that of r_0.5.png.
+std::string image_of(const std::string& path, const std::string& name, bool look) {
+  const std::string image = beside(path, name);
+  static constexpr const char* kExtensions[] = {".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"};
   std::error_code error;
-  if (!fs::is_regular_file(path, error)) return false;
-  uint8_t begin[kPngSizeBytes];
-  InputFile file(path);
-  return file.read(begin, sizeof(begin)) == sizeof(begin) && png_size(begin, size);
+  if (image.empty() || (look && fs::is_regular_file(image, error))) return image;
+  for (const char* extension : kExtensions) {
+    if (look && fs::is_regular_file(image + extension, error)) return image + extension;
+  }
+  const std::string own = fs::path(image).extension().string();
+  const bool is_image = std::any_of(std::begin(kExtensions), std::end(kExtensions),
+                                    [&](const char* extension) { return own == extension; });
+  return is_image || own == ".exr" || own == ".webp" ? image : image + ".png";
 }
 
 // A frame's own number, else that of the file.
@@ -74,6 +76,61 @@ void set_opengl_pose(const CameraPlace& place, const Json& frame, l4d_camera& ca
   set_pose(camera, axes, center);
 }
 
+enum class Lens { kPinhole, kRational, kFisheye };
+// By the names of nerfstudio and COLMAP. A pinhole may have k1 to k3, p1 and p2.
+struct Model {
+  const char* name;
+  Lens lens;
+};
+constexpr Model kModels[] = {{"", Lens::kPinhole},
+                             {"SIMPLE_PINHOLE", Lens::kPinhole},
+                             {"PINHOLE", Lens::kPinhole},
+                             {"PERSPECTIVE", Lens::kPinhole},
+                             {"SIMPLE_RADIAL", Lens::kPinhole},
+                             {"RADIAL", Lens::kPinhole},
+                             {"OPENCV", Lens::kPinhole},
+                             {"FULL_OPENCV", Lens::kRational},
+                             {"OPENCV_FISHEYE", Lens::kFisheye},
+                             {"SIMPLE_RADIAL_FISHEYE", Lens::kFisheye},
+                             {"RADIAL_FISHEYE", Lens::kFisheye}};
+
+// What is read, and what changes nothing here.
+constexpr const char* kKeys[] = {"frames",
+                                 "file_path",
+                                 "transform_matrix",
+                                 "time",
+                                 "w",
+                                 "h",
+                                 "fl_x",
+                                 "fl_y",
+                                 "cx",
+                                 "cy",
+                                 "camera_angle_x",
+                                 "camera_angle_y",
+                                 "camera_model",
+                                 "is_fisheye",
+                                 "k1",
+                                 "k2",
+                                 "k3",
+                                 "k4",
+                                 "k5",
+                                 "k6",
+                                 "p1",
+                                 "p2",
+                                 "applied_transform",
+                                 "applied_scale",
+                                 "aabb_scale",
+                                 "sharpness",
+                                 "rotation",
+                                 "colmap_im_id",
+                                 "latlong",
+                                 "equirectangular",
+                                 "orthographic",
+                                 "ftheta_p0",
+                                 "train_filenames",
+                                 "val_filenames",
+                                 "test_filenames"};
+
 class TransformsReader {
  public:
   TransformsReader(const std::string& path, const Json& root, bool any_path)
@@ -85,11 +142,17 @@ class TransformsReader {
     if (!frames.is_array()) file.fail("frames is not a list");
     set_.source = "transforms";
     const std::string split = split_of(path_);
+    const std::map<std::string, std::string> splits = splits_of(file);
+    UnknownKeys unknown(&set_);
+    unknown.look(root_, kKeys, "the file");
     for (size_t i = 0; i < frames.size(); ++i) {
       const CameraPlace place{path_, "camera " + std::to_string(i)};
       Camera camera = read_frame(place, frames[i]);
       camera.id = static_cast<int>(i);
       camera.split = split;
+      const auto listed = splits.find(text_or(place, frames[i], "file_path", ""));
+      if (split.empty() && listed != splits.end()) camera.split = listed->second;
+      unknown.look(frames[i], kKeys, place.camera);
       set_.cameras.push_back(std::move(camera));
     }
     finish(file);
@@ -97,12 +160,28 @@ class TransformsReader {
   }
 
  private:
+  // By the names of images, as nerfstudio lists them.
+  std::map<std::string, std::string> splits_of(const CameraPlace& file) const {
+    std::map<std::string, std::string> splits;
+    for (const char* split : {"train", "val", "test"}) {
+      const std::string key = std::string(split) + "_filenames";
+      if (!root_.contains(key)) continue;
+      if (!root_.at(key).is_array()) file.fail(key + " is not a list");
+      for (const Json& name : root_.at(key)) {
+        if (!name.is_string()) file.fail(key + " has what is no text");
+        splits[name.get<std::string>()] = split;
+      }
+    }
+    return splits;
+  }
+
   Camera read_frame(const CameraPlace& place, const Json& frame) {
     if (!frame.is_object()) place.fail("not an object");
     Camera out;
     const std::string image = text_or(place, frame, "file_path", "");
-    out.image = image_of(path_, image);
-    if (leaves_folder(image)) out.outside = out.image;
+    const bool leaves = leaves_folder(image);
+    out.image = image_of(path_, image, any_path_ || !leaves);
+    if (leaves) out.outside = out.image;
     if (frame.contains("time")) {
       out.time = number(place, frame, "time");
       if (!(*out.time >= 0 && *out.time <= kMaxTime)) place.fail("time is not from 0 to 1e9");
@@ -121,32 +200,64 @@ class TransformsReader {
     camera.cx = number_or(place, owner_of(frame, root_, "cx"), "cx", width / 2);
     camera.cy = number_or(place, owner_of(frame, root_, "cy"), "cy", height / 2);
     out.distortion = distortion_of(place, frame);
-    distorted_ |= out.distortion.model != Distortion::Model::kNone;
     set_opengl_pose(place, frame, camera);
     check_camera(place, out);
     return out;
   }
 
+  // Refuses what is no lens that is known, and what flags of other programs say of one.
+  Lens lens_of(const CameraPlace& place, const Json& frame) const {
+    for (const char* key : {"latlong", "equirectangular", "orthographic", "ftheta_p0"}) {
+      const Json& owner = owner_of(frame, root_, key);
+      if (!owner.contains(key) || owner.at(key) == false) continue;
+      place.fail(L4D_ERR_FEATURE_UNSUPPORTED, std::string(key) + ": cameras here are pinholes");
+    }
+    const std::string model =
+        text_or(place, owner_of(frame, root_, "camera_model"), "camera_model", "");
+    const auto known = std::find_if(std::begin(kModels), std::end(kModels),
+                                    [&](const Model& m) { return model == m.name; });
+    if (known == std::end(kModels)) {
+      place.fail(L4D_ERR_FEATURE_UNSUPPORTED,
+                 "the camera_model " + Json(model.substr(0, 40)).dump() +
+                     ": cameras here are pinholes, with distortions of "
+                     "OPENCV, FULL_OPENCV or OPENCV_FISHEYE");
+    }
+    const Json& owner = owner_of(frame, root_, "is_fisheye");
+    if (!owner.contains("is_fisheye") || owner.at("is_fisheye") == false) return known->lens;
+    if (known->lens != Lens::kFisheye && !model.empty()) {
+      place.fail("is_fisheye, but the camera_model is " + model);
+    }
+    return Lens::kFisheye;
+  }
+
   Distortion distortion_of(const CameraPlace& place, const Json& frame) const {
-    Distortion lens;
+    const Lens lens = lens_of(place, frame);
+    Distortion out;
     bool any = false;
     const auto read = [&](const char* key, double* to) {
       *to = number_or(place, owner_of(frame, root_, key), key, 0);
       any |= *to != 0;
     };
-    read("k1", &lens.k[0]);
-    read("k2", &lens.k[1]);
-    read("k3", &lens.k[2]);
-    read("k4", &lens.k[3]);
-    read("p1", &lens.p[0]);
-    read("p2", &lens.p[1]);
-    const std::string model =
-        text_or(place, owner_of(frame, root_, "camera_model"), "camera_model", "OPENCV");
-    if (any) {
-      lens.model =
-          model == "OPENCV_FISHEYE" ? Distortion::Model::kFisheye : Distortion::Model::kRadial;
+    static constexpr const char* kNames[] = {"k1", "k2", "k3", "k4", "k5", "k6"};
+    for (size_t k = 0; k < 6; ++k) read(kNames[k], &out.k[k]);
+    read("p1", &out.p[0]);
+    read("p2", &out.p[1]);
+    const bool is_rational = lens == Lens::kRational || out.k[4] != 0 || out.k[5] != 0;
+    if (lens == Lens::kFisheye) {
+      out.model = Distortion::Model::kFisheye;
+      if (out.k[4] != 0 || out.k[5] != 0 || out.p[0] != 0 || out.p[1] != 0) {
+        place.fail(L4D_ERR_FEATURE_UNSUPPORTED, "a fisheye lens with k5, k6, p1 or p2");
+      }
+    } else if (any) {
+      out.model = Distortion::Model::kRadial;
+      // One program means the factor of r^8 by it, another that of r^2 in the denominator.
+      if (out.k[3] != 0 && !is_rational) {
+        place.fail(L4D_ERR_FEATURE_UNSUPPORTED,
+                   "k4 without k5 and k6, and the camera_model is not FULL_OPENCV: which of two "
+                   "meanings it has is not stated");
+      }
     }
-    return lens;
+    return out;
   }
 
   void set_size(const CameraPlace& place, const Json& frame, const Camera& seen,
@@ -163,7 +274,14 @@ class TransformsReader {
                                                " tells the size, which is not in the folder of the "
                                                "file, and is read only where any path may be");
     }
-    if (!read_size(seen.image, size)) ++without_size_;
+    if (!image_size(seen.image, size)) {
+      if (owner_of(frame, root_, "fl_x").contains("fl_x")) {
+        place.fail(
+            "the focal length is in pixels, and neither w and h nor an image tells how many "
+            "there are");
+      }
+      ++without_size_;
+    }
     camera.width = size[0];
     camera.height = size[1];
   }
@@ -174,9 +292,11 @@ class TransformsReader {
                            std::to_string(without_size_) +
                            " cameras; they are taken to have 800 x 800 pixels.");
     }
-    if (distorted_) {
-      set_.notes.push_back(
-          "The lens distortion that the file gives is left out; images must be undistorted.");
+    for (const char* key : {"applied_transform", "applied_scale"}) {
+      if (!root_.contains(key)) continue;
+      set_.notes.push_back(std::string(key) +
+                           " is in the poses already; scenes and points of the same capture that "
+                           "it was not applied to do not fit them.");
     }
     if (with_time_ == 0) {
       set_.frames = 1;  // a scene at rest
@@ -190,7 +310,6 @@ class TransformsReader {
   bool any_path_;
   CameraSet set_;
   size_t without_size_ = 0, with_time_ = 0;
-  bool distorted_ = false;
 };
 
 }  // namespace

@@ -86,6 +86,13 @@ void InputFile::slurp(int fd, const Hold& holder) {
   }
 }
 
+void InputFile::seek(uint64_t offset) {
+  offset_ = std::min(offset, size_);
+  if (file_ && ::fseeko(file_.get(), static_cast<off_t>(offset_), SEEK_SET) != 0) {
+    fail(path_, "cannot seek", errno);
+  }
+}
+
 size_t InputFile::read(void* dst, size_t n) {
   // Never past size_, even where the file grows meanwhile: callers count on it.
   size_t got = static_cast<size_t>(std::min<uint64_t>(n, size_ - offset_));

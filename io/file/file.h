@@ -35,6 +35,8 @@ class InputFile {
 
   // Returns fewer than `n` bytes only at the end.
   size_t read(void* dst, size_t n);
+  // What read() returns next; at most the size.
+  void seek(uint64_t offset);
   uint64_t size() const { return size_; }
   const std::string& path() const { return path_; }
 

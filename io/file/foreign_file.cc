@@ -45,7 +45,7 @@ constexpr Known kKnown[] = {{".spz", "an SPZ file", kConvert},
                             {".pth", "a PyTorch checkpoint", kExport},
                             {".ckpt", "a PyTorch checkpoint", kExport},
                             {".pkl", "a Python pickle", kExport},
-                            {".safetensors", "a file of tensors", kExport},
+                            {".safetensors", "a file of tensors", ""},
                             {".h5", "an HDF5 file", kExport},
                             {".obj", "a mesh", kExport},
                             {".png", "an image", kTrain},
@@ -72,7 +72,7 @@ constexpr Known kKnown[] = {{".spz", "an SPZ file", kConvert},
                             {".svg", "a drawing", kTrain},
                             {".m3u8", "a playlist", "name a stream of it"}};
 
-ForeignKind kind_of(const Known& known) { return {known.name, known.way}; }
+ForeignKind kind_of(const Known& known) { return {known.name, known.way, known.extension}; }
 
 ForeignKind by_extension(const char* extension) { return *foreign_extension(extension); }
 
@@ -99,6 +99,10 @@ struct Magic {
 };
 using namespace std::string_view_literals;
 constexpr Magic kMagics[] = {{"NGSP"sv, ".spz"},
+                             {"\x89"
+                              "4DGS"sv,
+                              ".4dgs"},
+                             {"Kg\0\0"sv, ".splatv"},
                              {"glTF"sv, ".glb"},
                              {"PXR-USDC"sv, ".usdc"},
                              {"#usda "sv, ".usda"},
@@ -114,6 +118,9 @@ constexpr Magic kMagics[] = {{"NGSP"sv, ".spz"},
                              {"<!DOCTYPE html"sv, ".html"},
                              {"<html"sv, ".html"},
                              {"#EXTM3U"sv, ".m3u8"}};
+
+// All of whose files have one of these.
+constexpr std::string_view kAlwaysMagic[] = {".glb", ".npy", ".png", ".jpg", ".jpeg", ".gif"};
 
 std::string lower_extension(const std::string& name) {
   std::string extension = std::filesystem::path(name).extension().string();
@@ -131,6 +138,14 @@ std::optional<ForeignKind> foreign_extension(const std::string& extension) {
   return std::nullopt;
 }
 
+bool is_ply(const std::string& path) {
+  const FileHandle file(std::fopen(path.c_str(), "rb"));
+  if (!file) throw Error(L4D_ERR_IO, path + ": cannot open: " + std::strerror(errno));
+  char magic[4] = {};
+  return std::fread(magic, 1, sizeof(magic), file.get()) == sizeof(magic) &&
+         std::memcmp(magic, "ply", 3) == 0 && (magic[3] == '\n' || magic[3] == '\r');
+}
+
 std::optional<ForeignKind> identify_foreign(const std::string& path, const std::string& name) {
   const FileHandle file(std::fopen(path.c_str(), "rb"));
   if (!file) throw Error(L4D_ERR_IO, path + ": cannot open: " + std::strerror(errno));
@@ -143,16 +158,26 @@ std::optional<ForeignKind> identify_foreign(const std::string& path, const std::
       return by_extension(magic.extension);
     }
   }
-  if (begins("PK\x03\x04")) return of_zip(head);
   const std::string extension = lower_extension(name);
+  if (begins("PK\x03\x04")) return extension == ".sog" ? by_extension(".sog") : of_zip(head);
   if (begins("\x1f\x8b")) return by_extension(extension == ".spz" ? ".spz" : ".gz");
   if (begins("version https://git-lfs")) {
     return ForeignKind{"a pointer of Git LFS and not the file itself",
-                       "`git lfs pull` fetches that"};
+                       "`git lfs pull` fetches that", ""};
   }
   if (head.size() > 9 && head.substr(8, 2) == "{\"") return by_extension(".safetensors");
   const size_t first = head.find_first_not_of(" \t\r\n");
-  if (first != std::string_view::npos && head[first] == '{') return by_extension(".json");
+  if (first != std::string_view::npos && head[first] == '{') {
+    if (extension == ".gltf") return by_extension(".gltf");
+    // SOG that is not in an archive.
+    const bool is_meta = std::filesystem::path(name).filename() == "meta.json";
+    return by_extension(is_meta ? ".sog" : ".json");
+  }
+  if (std::find(std::begin(kAlwaysMagic), std::end(kAlwaysMagic), extension) !=
+      std::end(kAlwaysMagic)) {
+    return ForeignKind{"not " + foreign_extension(extension)->name + ", although its name says so",
+                       "a download may have failed", ""};
+  }
   return foreign_extension(extension);
 }
 

@@ -8,12 +8,16 @@ namespace l4d::io {
 
 // A kind of file that belongs to another program.
 struct ForeignKind {
-  std::string name;  // "an SPZ file"
-  std::string way;   // what a person does with one who wants a scene of it
+  std::string name;       // "an SPZ file"
+  std::string way;        // what a person does with one who wants a scene of it
+  std::string extension;  // of the kind: ".spz"
 };
 
 // By an extension in lower case, as ".spz"; nothing if it is none that is known.
 std::optional<ForeignKind> foreign_extension(const std::string& extension);
+
+// Whether the file begins as a PLY does. Throws Error(L4D_ERR_IO).
+bool is_ply(const std::string& path);
 
 // What the file at `path` is by its first bytes, or where these say nothing by the extension of
 // `name`. Nothing if it may be a stream or a scene, or is unknown. Throws Error(L4D_ERR_IO).

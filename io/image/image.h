@@ -42,6 +42,8 @@ void write_png(const std::string& path, const Image& image);
 // Width and height of a PNG from its first bytes; false if they are not those of a PNG.
 constexpr size_t kPngSizeBytes = 24;
 bool png_size(const uint8_t* begin /* [24] */, uint32_t* size /* [2] */);
+// The same of a file, a PNG or a JPEG; false if it is neither or cannot be read.
+bool image_size(const std::string& path, uint32_t* size /* [2] */);
 
 // What an image has to be, and what counts it.
 struct ImageLimits {

@@ -22,8 +22,6 @@ namespace l4d::io {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr uint32_t kMaxSize = L4D_MAX_IMAGE_SIDE;
-
 // What may be read, whatever the file is called: containers that hold the frames themselves. Others
 // (ffconcat, HLS, image2) are lists, with which a file would have others read.
 constexpr const char* kContainers =
@@ -39,9 +37,10 @@ std::string decimal(double value) {
 }
 
 void check_size(const std::string& path, uint32_t width, uint32_t height) {
-  if (width >= 1 && height >= 1 && width <= kMaxSize && height <= kMaxSize) return;
+  if (width >= 1 && height >= 1 && width <= L4D_MAX_IMAGE_SIDE && height <= L4D_MAX_IMAGE_SIDE)
+    return;
   throw Error(L4D_ERR_INVALID_ARGUMENT,
-              path + ": a video has 1 to " + std::to_string(kMaxSize) + " pixels a side");
+              path + ": a video has 1 to " + std::to_string(L4D_MAX_IMAGE_SIDE) + " pixels a side");
 }
 
 [[noreturn]] void fail(const std::string& path, const char* action, int error) {
@@ -67,7 +66,7 @@ void check(const FileError& error, const std::string& path) {
 // more than coders pad; 0 = of any size.
 std::vector<std::string> input_of(const std::string& path, uint32_t width, uint32_t height) {
   constexpr uint64_t kPadding = 128;
-  const uint64_t side = kMaxSize;
+  const uint64_t side = L4D_MAX_IMAGE_SIDE;
   const uint64_t pixels =
       ((width > 0 ? width : side) + kPadding) * ((height > 0 ? height : side) + kPadding);
   return {"-protocol_whitelist",  "file", "-format_whitelist", kContainers, "-max_pixels",

@@ -5,6 +5,8 @@
 #include <charconv>
 #include <cstring>
 
+#include "io/file/little_endian.h"
+
 namespace l4d::io {
 namespace {
 
@@ -34,6 +36,15 @@ void scatter(const uint8_t* rows, size_t num_rows, size_t row_bytes, bool swap, 
   }
 }
 
+// binary16; exact.
+template <typename To>
+void scatter_halves(const uint8_t* rows, size_t num_rows, size_t row_bytes, bool swap, To* to,
+                    size_t stride) {
+  for (size_t i = 0; i < num_rows; ++i) {
+    to[i * stride] = static_cast<To>(half_of_bits(load<uint16_t>(rows + i * row_bytes, swap)));
+  }
+}
+
 template <typename To>
 void scatter(PlyType type, const uint8_t* rows, size_t num_rows, size_t row_bytes, bool swap,
              To* to, size_t stride) {
@@ -50,6 +61,8 @@ void scatter(PlyType type, const uint8_t* rows, size_t num_rows, size_t row_byte
       return scatter<To, int32_t>(rows, num_rows, row_bytes, swap, to, stride);
     case PlyType::kUint32:
       return scatter<To, uint32_t>(rows, num_rows, row_bytes, swap, to, stride);
+    case PlyType::kFloat16:
+      return scatter_halves(rows, num_rows, row_bytes, swap, to, stride);
     case PlyType::kFloat32:
       return scatter<To, float>(rows, num_rows, row_bytes, swap, to, stride);
     case PlyType::kFloat64:
@@ -104,7 +117,7 @@ bool parse_value(PlyType type, const char* begin, const char* end, float* as_flo
     *as_double = static_cast<double>(*as_float);
     return true;
   }
-  if (type == PlyType::kFloat32) type = PlyType::kFloat64;
+  if (type == PlyType::kFloat32 || type == PlyType::kFloat16) type = PlyType::kFloat64;
   if (type == PlyType::kFloat64) {
     if (!parse_whole(begin, end, as_double)) return false;
   } else {
@@ -279,7 +292,8 @@ void PlyReader::read_ascii_rows(const std::vector<PlyColumn>& columns) {
 }
 
 void PlyReader::read_rows(const std::vector<PlyColumn>& columns) {
-  for (size_t i = 0; i < target_; ++i) skip_rows(header_.elements[i]);
+  for (size_t i = next_; i < target_; ++i) skip_rows(header_.elements[i]);
+  next_ = target_ + 1;
   if (element().count == 0) return;
   if (header_.format == PlyFormat::kAscii) {
     read_ascii_rows(columns);

@@ -18,6 +18,7 @@ enum class PlyType : uint8_t {
   kUint16,
   kInt32,
   kUint32,
+  kFloat16,
   kFloat32,
   kFloat64
 };
@@ -60,7 +61,7 @@ struct PlyColumn {
   size_t stride = 1;
 };
 
-// Streaming reader of one element; the elements before it are skipped. The constructor reads the
+// Streaming reader of one element at a time; those before it are skipped. The constructor reads the
 // header and has checked, when it returns, that the file is long enough for element `element`, so
 // its count may be trusted in an allocation. Throws Error.
 class PlyReader {
@@ -68,13 +69,19 @@ class PlyReader {
   PlyReader(InputFile file, const std::string& element);
 
   const PlyHeader& header() const { return header_; }
+  const std::string& path() const { return file_.path(); }
   const PlyElement& element() const { return header_.elements[target_]; }
   void read_rows(const std::vector<PlyColumn>& columns);  // all rows; once
+  // Makes another element the one that read_rows() reads: none at or before one that was read. Its
+  // count may be trusted too when this returns.
+  void select(const std::string& element);
+  // Makes read_rows() take the bits of a property of 16-bit integers for binary16.
+  void take_for_binary16(size_t property);
 
   [[noreturn]] void fail(l4d_status status, const std::string& message) const;
 
  private:
-  void parse_header(const std::string& element);
+  void parse_header();
   void parse_header_line(const std::vector<std::string>& words, const std::string& line);
   std::string read_header_line();
   void check_size() const;
@@ -95,6 +102,7 @@ class PlyReader {
   InputFile file_;
   PlyHeader header_;
   size_t target_ = 0;
+  size_t next_ = 0;  // the first element of which nothing was read
   bool has_format_ = false;
   std::vector<uint8_t> buffer_;
   size_t begin_ = 0;  // unread part of buffer_

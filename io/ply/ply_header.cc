@@ -10,20 +10,20 @@ namespace l4d::io {
 namespace {
 
 // A scene has about 80 properties; the limits keep a hostile header from costing memory or time.
-constexpr uint64_t kMaxHeaderBytes = 1 << 20;
-constexpr size_t kMaxProperties = 4096;
+constexpr uint64_t kMaxPlyHeader = 1 << 20;
+constexpr size_t kMaxProperties = 4096, kMaxElements = 256;
 
 struct TypeName {
   const char* name;
   PlyType type;
 };
 constexpr TypeName kTypeNames[] = {
-    {"char", PlyType::kInt8},      {"int8", PlyType::kInt8},       {"uchar", PlyType::kUint8},
-    {"uint8", PlyType::kUint8},    {"short", PlyType::kInt16},     {"int16", PlyType::kInt16},
-    {"ushort", PlyType::kUint16},  {"uint16", PlyType::kUint16},   {"int", PlyType::kInt32},
-    {"int32", PlyType::kInt32},    {"uint", PlyType::kUint32},     {"uint32", PlyType::kUint32},
-    {"float", PlyType::kFloat32},  {"float32", PlyType::kFloat32}, {"double", PlyType::kFloat64},
-    {"float64", PlyType::kFloat64}};
+    {"char", PlyType::kInt8},       {"int8", PlyType::kInt8},       {"uchar", PlyType::kUint8},
+    {"uint8", PlyType::kUint8},     {"short", PlyType::kInt16},     {"int16", PlyType::kInt16},
+    {"ushort", PlyType::kUint16},   {"uint16", PlyType::kUint16},   {"int", PlyType::kInt32},
+    {"int32", PlyType::kInt32},     {"uint", PlyType::kUint32},     {"uint32", PlyType::kUint32},
+    {"half", PlyType::kFloat16},    {"float16", PlyType::kFloat16}, {"float", PlyType::kFloat32},
+    {"float32", PlyType::kFloat32}, {"double", PlyType::kFloat64},  {"float64", PlyType::kFloat64}};
 
 const TypeName* find_type(const std::string& name) {
   for (const TypeName& entry : kTypeNames) {
@@ -77,6 +77,7 @@ size_t size_of(PlyType type) {
       return 1;
     case PlyType::kInt16:
     case PlyType::kUint16:
+    case PlyType::kFloat16:
       return 2;
     case PlyType::kInt32:
     case PlyType::kUint32:
@@ -127,7 +128,7 @@ std::string PlyReader::read_header_line() {
     ++consumed_;
     if (c == '\n') break;
     line += c;
-    if (consumed_ > kMaxHeaderBytes) fail(L4D_ERR_CORRUPT, "the header is over 1 MiB");
+    if (consumed_ > kMaxPlyHeader) fail(L4D_ERR_CORRUPT, "the header is over 1 MiB");
   }
   // Trailing blanks would otherwise end up in comments; '\r' comes from Windows line ends.
   while (!line.empty() && std::strchr(" \t\r", line.back()) != nullptr) line.pop_back();
@@ -157,6 +158,7 @@ void PlyReader::parse_header_line(const std::vector<std::string>& words, const s
     const char* end = words[2].data() + words[2].size();
     const auto result = std::from_chars(words[2].data(), end, element.count);
     if (result.ec != std::errc() || result.ptr != end) refuse("bad element count");
+    if (header_.elements.size() >= kMaxElements) refuse("too many elements");
     if (header_.find(element.name) != nullptr) refuse("element named twice");
     header_.elements.push_back(element);
   } else if (words[0] == "property") {
@@ -170,7 +172,7 @@ void PlyReader::parse_header_line(const std::vector<std::string>& words, const s
     property.type = type->type;
     if (property.is_list) {
       const TypeName* count_type = find_type(words[2]);
-      if (count_type == nullptr || count_type->type >= PlyType::kFloat32) refuse("bad list type");
+      if (count_type == nullptr || count_type->type >= PlyType::kFloat16) refuse("bad list type");
       property.count_type = count_type->type;
     }
     property.name = words.back();
@@ -181,7 +183,7 @@ void PlyReader::parse_header_line(const std::vector<std::string>& words, const s
   }
 }
 
-void PlyReader::parse_header(const std::string& element) {
+void PlyReader::parse_header() {
   if (remaining() < 4) fail(L4D_ERR_CORRUPT, "not a PLY file");
   char magic[3];
   take(magic, sizeof(magic));
@@ -211,19 +213,29 @@ void PlyReader::parse_header(const std::string& element) {
       }
     }
   }
+}
+
+void PlyReader::select(const std::string& element) {
   const PlyElement* found = header_.find(element);
   if (found == nullptr) fail(L4D_ERR_CORRUPT, "there is no element " + element);
   target_ = static_cast<size_t>(found - header_.elements.data());
+  if (target_ < next_) fail(L4D_ERR_INTERNAL, "element " + element + " was read already");
   for (const PlyProperty& property : found->properties) {
     if (property.is_list) {
-      fail(L4D_ERR_FEATURE_UNSUPPORTED, "element " + element + " has a list property");
+      fail(L4D_ERR_FEATURE_UNSUPPORTED,
+           "element " + element + " has a list property, " + quoted(property.name));
     }
   }
+  check_size();
+}
+
+void PlyReader::take_for_binary16(size_t property) {
+  header_.elements[target_].properties[property].type = PlyType::kFloat16;
 }
 
 void PlyReader::check_size() const {
   uint64_t left = remaining();
-  for (size_t i = 0; i <= target_; ++i) {
+  for (size_t i = next_; i <= target_; ++i) {
     const PlyElement& element = header_.elements[i];
     if (element.count == 0) continue;
     const uint64_t row = minimum_row_bytes(element, header_.format);
@@ -244,8 +256,8 @@ void PlyReader::check_size() const {
 
 PlyReader::PlyReader(InputFile file, const std::string& element)
     : file_(std::move(file)), buffer_(size_t{1} << 16) {
-  parse_header(element);
-  check_size();
+  parse_header();
+  select(element);
 }
 
 }  // namespace l4d::io

@@ -9,7 +9,7 @@ namespace {
 
 // Frame i of n lies at i / max(n - 1, 1) of the normalised time, so 1 is the last frame's time, not
 // the sequence's end.
-void read_timeline(const PlyReader& reader, const ImportOptions& options, Scene& scene) {
+void read_frames(const PlyReader& reader, const ImportOptions& options, Scene& scene) {
   const double frames = comment_number(reader, "n_frames", 0);
   if (frames == 0) return set_default_timeline(scene, options);
   if (!(frames >= 1 && frames <= L4D_MAX_FRAMES && frames == std::floor(frames))) {
@@ -33,16 +33,17 @@ Scene read_ftgs_ply(PlyReader& reader, const ImportOptions& options) {
   Scene scene;
   scene.source = "ftgs_ply";
   scene.flags = L4D_POSITION_AT_MEAN_TIME | L4D_OPACITY_LOGIT;
-  read_timeline(reader, options, scene);
+  read_frames(reader, options, scene);
   read_placement(reader, scene);
-  scene.sh_degree = sh_degree_of(reader);
+  const ShColumns sh = sh_columns_of(reader);
+  scene.sh_degree = sh.degree;
   const size_t count = static_cast<size_t>(reader.element().count);
   scene.resize(count);
   const bool moving = comment_number(reader, "use_velocity", 1) != 0;
   std::vector<float> quaternion(count * 4), time(count), log_duration(count), velocity;
 
-  ColumnSet columns(reader);
-  columns.add_position(scene);
+  ColumnSet columns(reader, scene);
+  columns.add_position();
   columns.add_indexed("scale", 3, scene.log_scale.data(), 4);
   columns.add_indexed("rot", 4, quaternion.data(), 4);
   columns.add("opacity", scene.opacity.data(), 0, 1);
@@ -52,13 +53,16 @@ Scene read_ftgs_ply(PlyReader& reader, const ImportOptions& options) {
     velocity.resize(count * 3);
     columns.add_indexed("velocity", 3, velocity.data(), 3);
   }
-  columns.add_sh(scene);
+  columns.add_sh(sh);
   columns.read();
+  settle_rows(options, scene);
+  note_unturned(quaternion, scene);
+  raise_flat_scales(scene);
 
   const double unit = static_cast<double>(std::max(scene.timeline.num_frames, 2U) - 1) *
                       scene.timeline.fps_den / scene.timeline.fps_num;  // seconds
   const double min_duration = comment_number(reader, "min_duration", 0);
-  for (size_t i = 0; i < count; ++i) {
+  for (size_t i = 0; i < scene.count(); ++i) {
     scene.mean_t[i] = static_cast<float>(static_cast<double>(time[i]) * unit);
     const double sigma_t =
         std::max(std::exp(static_cast<double>(log_duration[i])), min_duration) * unit;

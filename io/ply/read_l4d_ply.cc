@@ -94,22 +94,24 @@ Scene read_l4d_ply(PlyReader& reader, const ImportOptions& options) {
   scene.flags = L4D_POSITION_AT_MEAN_TIME | L4D_OPACITY_LOGIT;
   read_timeline(reader, options, scene);
   read_placement(reader, scene);
-  scene.sh_degree = sh_degree_of(reader);
+  const ShColumns sh = sh_columns_of(reader);
+  scene.sh_degree = sh.degree;
   scene.resize(static_cast<size_t>(reader.element().count));
 
-  ColumnSet columns(reader);
-  columns.add_position(scene);
-  columns.add_time("t", scene);
+  ColumnSet columns(reader, scene);
+  columns.add_position();
+  columns.add_time("t");
   columns.add_indexed("scale", 4, scene.log_scale.data(), 4);
   columns.add_indexed("rotor", 8, scene.rotor.data(), 8);
   columns.add("opacity", scene.opacity.data(), 0, 1);
-  columns.add_sh(scene);
+  columns.add_sh(sh);
   std::vector<float> windows(reader.element().has("window_begin") ? 2 * scene.count() : 0);
   if (!windows.empty()) {
     columns.add("window_begin", windows.data(), 0, 2);
     columns.add("window_end", windows.data(), 1, 2);
   }
   columns.read();
+  windows.resize(std::min(windows.size(), 2 * scene.count()));
   set_windows(windows, scene);
   note_coarse_times(scene);
   return scene;

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "io/ply/column_set.h"
 #include "io/ply/ply.h"
 #include "io/ply/scene_ply.h"
 #include "io/scene/rotor_math.h"
@@ -18,6 +19,23 @@ Scene read_l4d_ply(PlyReader& reader, const ImportOptions& options);
 Scene read_ftgs_ply(PlyReader& reader, const ImportOptions& options);
 Scene read_stg_ply(PlyReader& reader, const ImportOptions& options);
 Scene read_3dgs_ply(PlyReader& reader, const ImportOptions& options);
+Scene read_rt4dgs_ply(PlyReader& reader, const ImportOptions& options);
+Scene read_compressed_ply(PlyReader& reader, const ImportOptions& options);
+
+// Whether the rows are packed by chunks, as `.compressed.ply` files have them.
+bool is_compressed_ply(const PlyElement& vertex);
+// What such a scene takes together with what it is made of.
+uint64_t compressed_ply_bytes(PlyReader& reader);
+
+// Whether the columns are those of a Real-time-4DGS model.
+bool is_rt4dgs_ply(const PlyElement& vertex);
+// Whether they are those of a SpacetimeGaussians model, or t, scale_t and motion_*.
+bool is_stg_ply(const PlyElement& vertex);
+// Fails with L4D_ERR_FEATURE_UNSUPPORTED if a column says that the Gaussians change over time and
+// no reader takes that column: a scene without it would be another one.
+void refuse_unread_time(const PlyReader& reader);
+// The same for a model whose Gaussians a network moves that lies next to the file.
+void refuse_deformed(const PlyReader& reader);
 
 // ---- what they share ----
 
@@ -32,39 +50,6 @@ void set_default_timeline(Scene& scene, const ImportOptions& options);
 // Placement, rendering and presentation from the l4d_* comments.
 void read_placement(const PlyReader& reader, Scene& scene);
 
-// SH degree from the number of f_rest_* properties; throws on a count that no degree has.
-uint32_t sh_degree_of(const PlyReader& reader);
-
-// Collects where columns go, then reads them all in one pass.
-class ColumnSet {
- public:
-  explicit ColumnSet(PlyReader& reader) : reader_(reader) {}
-
-  // To to[first], to[first + stride], ...; an array without rows may be NULL.
-  void add(const std::string& property, float* to, size_t first, size_t stride);
-  // name_0, name_1, ... to consecutive floats
-  void add_indexed(const std::string& name, size_t count, float* to, size_t stride);
-  // f_dc_*, and f_rest_* from channel-major to coefficient-major
-  void add_sh(Scene& scene);
-  // x y z: as they are where float32; where double, less a common origin that goes to the
-  // placement, so that map coordinates keep their millimetres.
-  void add_position(Scene& scene);
-  // Mean times, as they are where float32, and where double.
-  void add_time(const std::string& property, Scene& scene);
-  void read();
-
- private:
-  size_t require(const std::string& property) const;
-
-  PlyReader& reader_;
-  std::vector<PlyColumn> columns_;
-  Scene* scene_with_floats_ = nullptr;
-  Scene* scene_with_doubles_ = nullptr;
-  std::vector<double> positions_;  // [N, 3]
-  Scene* scene_with_times_ = nullptr;
-  std::vector<double> times_;  // [N]
-};
-
 inline bool all_finite(const double* values, size_t count) {
   for (size_t i = 0; i < count; ++i) {
     if (!(values[i] - values[i] == 0)) return false;
@@ -76,6 +61,20 @@ inline bool all_finite(const double* values, size_t count) {
 void store_shape(Scene& scene, size_t i, const Shape4& shape);
 // The same for a Gaussian at rest; its three spatial log scales are in place already.
 void store_still_shape(Scene& scene, size_t i, const Vec4& wxyz, double sigma_t);
+// Raises the scales of a Gaussian, [3], that are below the codec's least of e^-16; whether there
+// were any. Viewers' exporters write flat Gaussians with e^-20 and less, which look the same.
+bool raise_flat_scale(float* log_scale);
+// The same of all Gaussians of a scene; a note says of how many.
+void raise_flat_scales(Scene& scene);
+// Makes Gaussians with these rotations (w x y z, [N, 4]) last: raises scales below the codec's
+// least, and sets times and rotors, with notes on both.
+void make_static(const std::vector<float>& rotation, Scene& scene);
+// A note says how many quaternions, [N, 4], have length 0: they are taken as no rotation.
+void note_unturned(const std::vector<float>& quaternion, Scene& scene);
+// What readers of foreign files do with rows as they come, before scales are used: infinite logits
+// become those of 0 and 1, with a count. With options.activated, opacities in [0, 1] become logits
+// and spatial scales logarithms; without, a note says where they look as if they were.
+void settle_rows(const ImportOptions& options, Scene& scene);
 // Marks Gaussian i as unusable (NaN scales): the encoder names it, or drops it where told to.
 void store_invalid_shape(Scene& scene, size_t i);
 

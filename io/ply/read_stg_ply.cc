@@ -1,269 +1,143 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <filesystem>
 
 #include "io/ply/read_ply.h"
+#include "io/ply/spacetime.h"
 #include "libl4dcodec/scene/sh.h"
-#include "libl4dcodec/scene/slice.h"
 
 namespace l4d::io {
 namespace {
 
-constexpr int kSamples = 64;  // of the visible span, midpoints
-
-double weight(double dt, double sigma) { return falloff(1 / (sigma * sigma), dt); }
-
-// What the fit of a straight line needs to know of the visible span, in normalised time from the
-// centre: the best line a + b dt for dt^2 and for dt^3 under the Gaussian falloff.
-struct Span {
-  bool visible = false;
-  double begin = 0, end = 0;
-  double mean = 0;  // weighted
-  double a2 = 0, b2 = 0, a3 = 0, b3 = 0;
-
-  double sample(int k) const { return begin + (end - begin) * ((k + 0.5) / kSamples); }
+// A lite model, and the same without turning under the names of programs that import such models.
+struct Names {
+  const char* center;
+  const char* width;
+  bool width_is_sigma;  // its logarithm is that of a standard deviation
+  bool colors_are_rgb;  // and not coefficients
 };
+constexpr Names kNames[] = {{"trbf_center", "trbf_scale", false, true},
+                            {"t", "scale_t", true, false}};
 
-Span fit_span(double center, double sigma) {
-  Span span;
-  span.begin = std::max(-4 * sigma, -center);
-  span.end = std::min(4 * sigma, 1 - center);
-  span.visible = span.begin < span.end;
-  if (!span.visible) {  // the moments of the whole Gaussian
-    span.a2 = sigma * sigma;
-    span.b3 = 3 * sigma * sigma;
-    return span;
+const Names* names_of(const PlyElement& vertex) {
+  for (const Names& names : kNames) {
+    if (vertex.has(names.center) && vertex.has(names.width)) return &names;
   }
-  double moment[5] = {0, 0, 0, 0, 0};
-  const double unit = std::max(-span.begin, span.end);  // keeps the moments near 1
-  for (int k = 0; k < kSamples; ++k) {
-    const double dt = span.sample(k);
-    double term = weight(dt, sigma);
-    for (double& m : moment) {
-      m += term;
-      term *= dt / unit;
-    }
-  }
-  const double m0 = moment[0], m1 = moment[1], m2 = moment[2], m3 = moment[3], m4 = moment[4];
-  const double det = m0 * m2 - m1 * m1;
-  span.mean = m1 / m0 * unit;
-  if (!(det > 0)) return span;
-  span.a2 = (m2 * m2 - m1 * m3) / det * unit * unit;
-  span.b2 = (m0 * m3 - m1 * m2) / det * unit;
-  span.a3 = (m3 * m2 - m1 * m4) / det * unit * unit * unit;
-  span.b3 = (m0 * m4 - m1 * m3) / det * unit * unit;
-  return span;
+  return nullptr;
 }
 
-// Errors of one kind of approximation, over all Gaussians it touched.
-struct ErrorTally {
+// Numbers of a Gaussian in motion_*: for a line, a parabola or a cubic.
+size_t motions_of(const PlyReader& reader) {
   size_t count = 0;
-  double max = 0, sum_of_means = 0;
-
-  void add(double largest, double mean) {
-    ++count;
-    max = std::max(max, largest);
-    sum_of_means += mean;
-  }
-  double mean() const { return count > 0 ? sum_of_means / static_cast<double>(count) : 0; }
-};
-
-void tally_motion(const Span& span, double sigma, const double* quadratic, const double* cubic,
-                  ErrorTally& tally) {
-  double largest = 0, sum = 0, weights = 0;
-  for (int k = 0; k < kSamples; ++k) {
-    const double dt = span.sample(k);
-    double error2 = 0;
-    for (int axis = 0; axis < 3; ++axis) {
-      const double e = quadratic[axis] * (dt * dt - span.a2 - span.b2 * dt) +
-                       cubic[axis] * (dt * dt * dt - span.a3 - span.b3 * dt);
-      error2 += e * e;
-    }
-    largest = std::max(largest, std::sqrt(error2));
-    sum += weight(dt, sigma) * std::sqrt(error2);
-    weights += weight(dt, sigma);
-  }
-  tally.add(largest, weights > 0 ? sum / weights : 0);
+  while (reader.element().has("motion_" + std::to_string(count))) ++count;
+  if (count <= 9 && count % 3 == 0) return count;
+  reader.fail(L4D_ERR_CORRUPT, std::to_string(count) + " motion properties, and not 0, 3, 6 or 9");
 }
 
-Vec4 normalized(Vec4 q) {
-  const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-  if (!(norm > 0)) return {1, 0, 0, 0};
-  for (double& x : q) x /= norm;
-  return q;
+// The frames of the sequence by the arguments of the training, which lie in the folder of the
+// model: point_cloud/iteration_N/ above. 0: none are there.
+uint32_t frames_of_arguments(const std::string& path) {
+  namespace fs = std::filesystem;
+  const fs::path file = fs::path(path).parent_path() / "../../cfg_args";
+  std::error_code error;
+  constexpr size_t kMost = 1 << 16;
+  if (!fs::is_regular_file(file, error)) return 0;
+  std::string text(kMost, ' ');
+  text.resize(InputFile(file.string()).read(text.data(), text.size()));
+  static constexpr char kKey[] = " duration=";
+  const size_t at = (" " + text).find(kKey);
+  if (at == std::string::npos) return 0;
+  uint32_t frames = 0;
+  const char* begin = text.data() + at + sizeof kKey - 2;
+  const auto result = std::from_chars(begin, text.data() + text.size(), frames);
+  return result.ec == std::errc() && frames <= L4D_MAX_FRAMES ? frames : 0;
 }
 
-double angle_between(const Vec4& unit_a, const Vec4& unit_b) {
-  double near2 = 0, far2 = 0;  // |a - b|^2 and |a + b|^2: exact for small angles, unlike acos
-  for (size_t k = 0; k < 4; ++k) {
-    near2 += (unit_a[k] - unit_b[k]) * (unit_a[k] - unit_b[k]);
-    far2 += (unit_a[k] + unit_b[k]) * (unit_a[k] + unit_b[k]);
-  }
-  return 4 * std::atan2(std::sqrt(std::min(near2, far2)), std::sqrt(std::max(near2, far2)));
+void set_timeline(const PlyReader& reader, const ImportOptions& options, Scene& scene) {
+  const uint32_t frames = options.seconds > 0 ? 0 : frames_of_arguments(reader.path());
+  if (frames == 0) return set_default_timeline(scene, options);
+  set_fps(scene.timeline, options.fps > 0 ? options.fps : 30);
+  scene.timeline.num_frames = frames;
+  scene.notes.push_back("The sequence has " + std::to_string(frames) +
+                        " frames by the arguments of the training (cfg_args)" +
+                        (options.fps > 0 ? "." : "; 30 frames per second were assumed."));
 }
 
-void note_approximations(const ErrorTally& motion, const ErrorTally& turning, double largest_angle,
-                         Scene& scene) {
-  char text[240];
-  if (motion.count > 0) {
-    std::snprintf(text, sizeof(text),
-                  "%zu Gaussians move along curves; straight lines in their place are off by at "
-                  "most %.3g and on average %.3g scene units while visible.",
-                  motion.count, motion.max, motion.mean());
-    scene.notes.push_back(text);
+// Of the sequence, from 0 to 1. Times beyond are seconds.
+void normalise_times(SpacetimeRows& rows, Scene& scene) {
+  const size_t count = scene.count();
+  const auto inside = [](float t) { return t >= 0 && t <= 1; };
+  if (std::all_of(rows.center.begin(), rows.center.begin() + static_cast<long>(count), inside)) {
+    scene.notes.push_back("Times from 0 to 1 are taken as parts of the sequence.");
+    return;
   }
-  if (turning.count > 0) {
-    std::snprintf(text, sizeof(text),
-                  "%zu Gaussians turn; their orientation was frozen. It is off by at most %.3g "
-                  "degrees, which displaces their surface by at most %.3g and on average %.3g "
-                  "scene units while visible.",
-                  turning.count, largest_angle * 57.29577951308232, turning.max, turning.mean());
-    scene.notes.push_back(text);
-  }
-}
-
-// What the file has of each Gaussian beside the columns of a Scene.
-struct StgColumns {
-  std::vector<float> quaternion, turning_rate, motion, center, log_width;
-  explicit StgColumns(size_t count)
-      : quaternion(count * 4),
-        turning_rate(count * 4),
-        motion(count * 9),
-        center(count),
-        log_width(count) {}
-};
-
-// What the approximation of motion by a line, and of turning by one orientation, costs.
-struct StgErrors {
-  ErrorTally motion, turning;
-  double largest_angle = 0;
-};
-
-// One Gaussian, in double.
-struct StgGaussian {
-  double motion[9];
-  Vec4 q, omega;
-  Vec3 scale;
-  double t, sigma;  // in units of the sequence
-
-  StgGaussian(const StgColumns& columns, const float* log_scale /* [4] */, size_t i) {
-    for (size_t k = 0; k < 9; ++k) motion[k] = static_cast<double>(columns.motion[9 * i + k]);
-    for (size_t k = 0; k < 4; ++k) {
-      q[k] = static_cast<double>(columns.quaternion[4 * i + k]);
-      omega[k] = static_cast<double>(columns.turning_rate[4 * i + k]);
-    }
-    for (size_t k = 0; k < 3; ++k) scale[k] = std::exp(static_cast<double>(log_scale[k]));
-    t = static_cast<double>(columns.center[i]);
-    // Opacity falls with exp(-(dt / width)^2), without the half of a Gaussian's exponent.
-    sigma = std::exp(static_cast<double>(columns.log_width[i])) / std::sqrt(2.0);
-  }
-  bool is_valid() const {
-    return all_finite(motion, 9) && all_finite(q.data(), 4) && all_finite(omega.data(), 4) &&
-           all_finite(scale.data(), 3) && all_finite(&t, 1) && all_finite(&sigma, 1) && sigma > 0;
-  }
-  bool is_curved() const {
-    return std::any_of(motion + 3, motion + 9, [](double x) { return x != 0; });
-  }
-  bool turns() const {
-    return std::any_of(omega.begin(), omega.end(), [](double x) { return x != 0; });
-  }
-  Vec4 orientation(double dt) const {
-    Vec4 turned = q;
-    for (size_t k = 0; k < 4; ++k) turned[k] += dt * omega[k];
-    return normalized(turned);
-  }
-};
-
-// The orientation that stands for all of them.
-Vec4 freeze_orientation(const StgGaussian& g, const Span& span, StgErrors* errors) {
-  const Vec4 frozen = g.orientation(span.mean);
-  if (!span.visible) return frozen;
-  const double reach = *std::max_element(g.scale.begin(), g.scale.end());
-  double largest = 0, sum = 0, weights = 0;
-  for (int k = 0; k < kSamples; ++k) {
-    const double dt = span.sample(k);
-    const double angle = angle_between(frozen, g.orientation(dt));
-    largest = std::max(largest, angle);
-    sum += weight(dt, g.sigma) * angle;
-    weights += weight(dt, g.sigma);
-  }
-  errors->largest_angle = std::max(errors->largest_angle, largest);
-  errors->turning.add(largest * reach, weights > 0 ? sum / weights * reach : 0);
-  return frozen;
-}
-
-// Shape and motion of Gaussian i. unit: seconds.
-void store_gaussian(Scene& scene, size_t i, const StgGaussian& g, double unit, StgErrors* errors) {
-  const double* m = g.motion;
-  Vec4 q = g.q;
-  Vec3 velocity{m[0], m[1], m[2]};
-  const bool curved = g.is_curved(), turns = g.turns();
-  if (curved || turns) {
-    const Span span = fit_span(g.t, g.sigma);
-    if (curved) {
-      for (size_t k = 0; k < 3; ++k) {
-        velocity[k] += m[3 + k] * span.b2 + m[6 + k] * span.b3;
-        scene.position[3 * i + k] =
-            static_cast<float>(static_cast<double>(scene.position[3 * i + k]) + m[3 + k] * span.a2 +
-                               m[6 + k] * span.a3);
+  const double unit = duration(scene.timeline);
+  double power = 1;
+  for (size_t i = 0; i < count; ++i) {
+    rows.center[i] = static_cast<float>(static_cast<double>(rows.center[i]) / unit);
+    rows.log_width[i] = static_cast<float>(static_cast<double>(rows.log_width[i]) - std::log(unit));
+    power = unit;
+    for (size_t k = 0; k < 9; k += 3, power *= unit) {
+      for (size_t axis = 0; axis < 3; ++axis) {
+        float& m = rows.motion[9 * i + k + axis];
+        m = static_cast<float>(static_cast<double>(m) * power);
       }
-      if (span.visible) tally_motion(span, g.sigma, m + 3, m + 6, errors->motion);
     }
-    if (turns) q = freeze_orientation(g, span, errors);
   }
-  for (double& v : velocity) v /= unit;
-  if (velocity == Vec3{0, 0, 0}) {
-    store_still_shape(scene, i, q, g.sigma * unit);
-  } else {
-    store_shape(scene, i,
-                shape_of_moving(quaternion_to_matrix(q), g.scale, velocity, g.sigma * unit));
-  }
+  scene.notes.push_back("Times beyond 1 are taken as seconds from the beginning of the sequence.");
 }
 
 }  // namespace
+
+bool is_stg_ply(const PlyElement& vertex) { return names_of(vertex) != nullptr; }
 
 Scene read_stg_ply(PlyReader& reader, const ImportOptions& options) {
   if (reader.element().has("f_t_0") || reader.element().has("f_dc_3")) {
     reader.fail(L4D_ERR_FEATURE_UNSUPPORTED,
                 "a full SpacetimeGaussians model: its colours come from a neural network outside "
-                "this file; only lite models can be read");
+                "this file, which does not even say what its features are without that; train a "
+                "lite model of the same capture (`ours_lite`), whose colours are in its PLY");
   }
+  const Names& names = *names_of(reader.element());
   Scene scene;
   scene.source = "stg_ply";
   scene.flags = L4D_POSITION_AT_MEAN_TIME | L4D_OPACITY_LOGIT;
-  set_default_timeline(scene, options);
+  set_timeline(reader, options, scene);
   read_placement(reader, scene);
+  const ShColumns sh = names.colors_are_rgb ? ShColumns() : sh_columns_of(reader);
+  scene.sh_degree = sh.degree;
   const size_t count = static_cast<size_t>(reader.element().count);
   scene.resize(count);
-  StgColumns stg(count);
+  SpacetimeRows stg(count);
 
-  ColumnSet columns(reader);
-  columns.add_position(scene);
+  ColumnSet columns(reader, scene);
+  columns.add_position();
   columns.add_indexed("scale", 3, scene.log_scale.data(), 4);
   columns.add_indexed("rot", 4, stg.quaternion.data(), 4);
-  columns.add_indexed("omega", 4, stg.turning_rate.data(), 4);
-  columns.add_indexed("motion", 9, stg.motion.data(), 9);
+  if (reader.element().has("omega_3")) {
+    columns.add_indexed("omega", 4, stg.turning_rate.data(), 4);
+  }
+  columns.add_indexed("motion", motions_of(reader), stg.motion.data(), 9);
   columns.add("opacity", scene.opacity.data(), 0, 1);
-  columns.add("trbf_center", stg.center.data(), 0, 1);
-  columns.add("trbf_scale", stg.log_width.data(), 0, 1);
-  columns.add_sh(scene);
+  columns.add(names.center, stg.center.data(), 0, 1);
+  columns.add(names.width, stg.log_width.data(), 0, 1);
+  columns.add_sh(sh);
   columns.read();
-  // Lite colours are plain RGB.
-  for (float& c : scene.sh)
-    c = static_cast<float>((static_cast<double>(c) - 0.5) / sh_constant::k0);
-
-  const double unit = duration(scene.timeline);  // seconds
-  StgErrors errors;
-  for (size_t i = 0; i < count; ++i) {
-    const StgGaussian gaussian(stg, &scene.log_scale[4 * i], i);
-    scene.mean_t[i] = static_cast<float>(gaussian.t * unit);
-    if (gaussian.is_valid()) {
-      store_gaussian(scene, i, gaussian, unit, &errors);
-    } else {
-      store_invalid_shape(scene, i);
+  settle_rows(options, scene);
+  note_unturned(stg.quaternion, scene);
+  raise_flat_scales(scene);
+  if (names.colors_are_rgb) {
+    for (float& c : scene.sh) {
+      c = static_cast<float>((static_cast<double>(c) - 0.5) / sh_constant::k0);
     }
   }
-  note_approximations(errors.motion, errors.turning, errors.largest_angle, scene);
+  if (names.width_is_sigma) {
+    for (float& width : stg.log_width) width += static_cast<float>(std::log(kWidthOfSigma));
+    normalise_times(stg, scene);
+  }
+  store_spacetime(stg, scene);
   return scene;
 }
 

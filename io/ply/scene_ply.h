@@ -5,6 +5,7 @@
 
 #include "io/file/memory.h"
 #include "io/scene/scene.h"
+#include "io/scene/statements.h"
 
 namespace l4d::io {
 
@@ -13,16 +14,21 @@ struct ImportOptions {
   // 0 = what the file says, else 1 second. An l4d_ply that states its end keeps that.
   double seconds = 0;
   double fps = 0;  // 0 = what the file says, else 30
-  Hold holder;     // counts the scene before it is read; it keeps that as Scene::memory
+  // Opacities of the file are in [0, 1] and scales are lengths, in the columns that layouts have
+  // for logits and for logarithms.
+  bool activated = false;
+  Hold holder;  // counts the scene before it is read; it keeps that as Scene::memory
 };
 
-// Reads any scene PLY, told apart by its header: l4d_ply, .ftgs.ply, SpacetimeGaussians lite, 3DGS.
+// Reads any scene PLY, told apart by its header: l4d_ply, .ftgs.ply, SpacetimeGaussians lite, 3DGS,
+// plain and compressed.
 // Throws Error: L4D_ERR_IO, L4D_ERR_CORRUPT (with line or byte), L4D_ERR_FEATURE_UNSUPPORTED.
 Scene read_scene_ply(const std::string& path, const ImportOptions& options = {});
 
 // Writers go to a temporary name and rename on success. Each converts what its format demands.
 void write_l4d_ply(const std::string& path, const Scene& scene);
-void write_ftgs_ply(const std::string& path, const Scene& scene);
+// Returns what the file does not have of the scene.
+WriteNotes write_ftgs_ply(const std::string& path, const Scene& scene);
 // Scales and rotations come from the eigen-decomposition of each covariance, in double.
 void write_3dgs_ply(const std::string& path, const Splats& splats);
 

@@ -75,6 +75,26 @@ Weights read_weights(const std::string& path, const Hold& holder) {
 
 }  // namespace
 
+l4d_importance Weights::view() const {
+  l4d_importance view = L4D_INIT(l4d_importance);
+  view.count = count;
+  view.metric = gauss_newton ? L4D_SENSITIVITY_GAUSS_NEWTON : L4D_SENSITIVITY_SUM;
+  for (const auto& [which, column] : kWeightColumns) {
+    if (!(this->*column).empty()) view.weights[which] = (this->*column).data();
+  }
+  return view;
+}
+
+std::array<float*, L4D_WEIGHT_COUNT> Weights::make_columns(size_t num_gaussians) {
+  count = num_gaussians;
+  std::array<float*, L4D_WEIGHT_COUNT> columns{};
+  for (const auto& [which, column] : kWeightColumns) {
+    (this->*column).resize(num_gaussians);
+    columns[which] = (this->*column).data();
+  }
+  return columns;
+}
+
 Weights read_weights_ply(const std::string& path, const Hold& holder) {
   try {
     return read_weights(path, holder);

@@ -9,6 +9,11 @@ namespace l4d::io {
 // log_scale -> scale uses + - * / sqrt only, so results are the same bits on every machine.
 
 using Vec3 = std::array<double, 3>;
+
+inline double dot(const Vec3& a, const Vec3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+inline Vec3 cross(const Vec3& a, const Vec3& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
 using Vec4 = std::array<double, 4>;
 using Rotor = std::array<double, 8>;     // s b01 b02 b12 b03 b13 b23 p
 using Matrix3 = std::array<double, 9>;   // row-major

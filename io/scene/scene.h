@@ -31,8 +31,8 @@ struct Scene : AttributeArrays {
   l4d_placement placement{{0, 0, 0}, 1, L4D_COORDINATES_UNKNOWN, L4D_COLOR_SRGB};
   l4d_rendering rendering = default_rendering();
   l4d_presentation presentation = default_presentation();
-  // Name of the format it was read from: "l4d_ply", "3dgs_ply", "ftgs_ply", "stg_ply", "l4d",
-  // "synth".
+  // The format that was read: "l4d_ply", "3dgs_ply", "compressed_ply", "ftgs_ply", "stg_ply",
+  // "rt4dgs_ply", "spz", "sog", "splat", "ksplat", "splatv", "4dgs", "raw", "l4d", "synth".
   std::string source;
   // Approximations made on import, one sentence each, with their size. For people.
   std::vector<std::string> notes;
@@ -54,10 +54,23 @@ void set_duration(l4d_timeline& timeline, double seconds);
 // where the scene already has that meaning.
 void positions_to_reference_time(Scene& scene);
 void positions_to_mean_time(Scene& scene);
+// [count, 3] The same as positions_to_mean_time, before it rounds to float32.
+std::vector<double> positions_at_mean_time(const Scene& scene);
 void opacity_to_logit(Scene& scene);
+// For what is written to be read again: throws Error(INVALID_SCENE), which names the first Gaussian
+// that no scene may hold.
+void require_valid(const Scene& scene, const std::string& path);
+// Splits positions, [count, 3], into a common origin, which is added to the placement, and float32
+// differences from it, `out`: map coordinates so keep their millimetres. The origin is 0 where the
+// positions are not far from it.
+void subtract_origin(const double* positions, size_t count, l4d_placement* placement, float* out);
 // log(o / (1 - o)), finite for any opacity: 0 and 1 give values that come back as 0 and 1 in
 // float32.
 double logit(double opacity);
+
+// "a, b_0 .. b_44, c": names that only differ in a number at their end, counted upwards, as one. At
+// most 20 of them are written.
+std::string list_of_names(const std::vector<std::string>& names);
 
 // 3D Gaussians at one instant, as l4d_splat_buffers describes them.
 struct Splats {

@@ -7,7 +7,7 @@
 namespace l4d::io::synth {
 namespace {
 
-constexpr Vec3 kFoot{-0.6, 0, -5.0};
+constexpr Vec3 kPoleFoot{-0.6, 0, -5.0};
 constexpr double kWide = 2.3, kHigh = 1.45;
 
 // Where the point a metres from the pole and b above the lower edge is.
@@ -16,7 +16,7 @@ Vec3 cloth_at(double a, double b, double t) {
   const double z = swing * sin_turns(0.62 * a - 1.05 * t + 0.16 * b) +
                    0.35 * swing * sin_turns(1.15 * a + 0.3 * b - 1.7 * t);
   const double droop = 0.05 * sin_turns(0.5 * a - 0.9 * t) * a / kWide - 0.10 * a * a / kWide;
-  return kFoot + Vec3{0.94 * a, 7.45 - kHigh + b + droop, z + 0.12 * a};
+  return kPoleFoot + Vec3{0.94 * a, 7.45 - kHigh + b + droop, z + 0.12 * a};
 }
 
 Dot waving(Dot d, double t) {
@@ -68,9 +68,10 @@ void puffs(Place& place, const Vec3& at, uint64_t key) {
 
 void make_flag(Place& place) {
   place.still([&] {
-    place.put(place.tube(kFoot, kFoot + kUp * 7.6, 0.06, 0.035, 0.12), Vec3{0.55, 0.52, 0.48});
-    place.put(place.ball(kFoot + kUp * 7.68, {0.1, 0.1, 0.1}, 0.07), Vec3{0.75, 0.5, 0.1});
-    place.put(place.box(kFoot - Vec3{0.3, 0, 0.3}, kFoot + Vec3{0.3, 0.3, 0.3}, 0.12),
+    place.put(place.tube(kPoleFoot, kPoleFoot + kUp * 7.6, 0.06, 0.035, 0.12),
+              Vec3{0.55, 0.52, 0.48});
+    place.put(place.ball(kPoleFoot + kUp * 7.68, {0.1, 0.1, 0.1}, 0.07), Vec3{0.75, 0.5, 0.1});
+    place.put(place.box(kPoleFoot - Vec3{0.3, 0, 0.3}, kPoleFoot + Vec3{0.3, 0.3, 0.3}, 0.12),
               Vec3{0.3, 0.29, 0.28});
   });
   Patch cloth = place.rectangle({0, 0, 0}, {1, 0, 0}, kUp, kWide, kHigh, 0.085, 0.1);

@@ -7,7 +7,7 @@
 namespace l4d::io::synth {
 namespace {
 
-constexpr Vec3 kFoot{-3.7, 0, -1.2};
+constexpr Vec3 kFountainFoot{-3.7, 0, -1.2};
 constexpr double kGravity = 9.81, kPiece = 0.11;
 
 void basins(Place& place) {
@@ -17,28 +17,28 @@ void basins(Place& place) {
     });
   };
   const auto tube = [&](double y0, double y1, double r0, double r1, double cell) {
-    return place.tube(kFoot + kUp * y0, kFoot + kUp * y1, r0, r1, cell);
+    return place.tube(kFountainFoot + kUp * y0, kFountainFoot + kUp * y1, r0, r1, cell);
   };
   stone(tube(0, 0.5, 1.75, 1.65, 0.11), 81);
-  stone(place.disc(kFoot + kUp * 0.53, 1.42, 1.80, 0.10), 82);
+  stone(place.disc(kFountainFoot + kUp * 0.53, 1.42, 1.80, 0.10), 82);
   stone(tube(0.46, 0.54, 1.8, 1.8, 0.1), 82);
   stone(tube(0.3, 1.3, 0.24, 0.16, 0.09), 83);
   stone(tube(1.22, 1.5, 0.2, 0.78, 0.08), 84);
-  stone(place.disc(kFoot + kUp * 1.5, 0.68, 0.8, 0.07), 84);
+  stone(place.disc(kFountainFoot + kUp * 1.5, 0.68, 0.8, 0.07), 84);
   stone(tube(1.4, 1.85, 0.1, 0.06, 0.07), 85);
   Patch inside = tube(0.36, 0.52, 1.44, 1.44, 0.12);
   turn_over(inside);
   stone(inside, 86, 0.7);
   for (const auto& [y, r] : {std::pair{0.40, 1.43}, std::pair{1.46, 0.7}}) {
-    place.put(place.disc(kFoot + kUp * y, 0, r, 0.13), [](Dot& d) {
+    place.put(place.disc(kFountainFoot + kUp * y, 0, r, 0.13), [](Dot& d) {
       d.albedo = {0.03, 0.06, 0.075};
       d.emit = {0.02, 0.035, 0.05};
       d.gloss = 1;
     });
   }
   if (place.counting) return;
-  place.light.drum(kFoot, 1.75, 0, 0.5, {0.2, 0.18, 0.17});
-  place.light.drum(kFoot, 0.75, 1.3, 1.5, {0.2, 0.18, 0.17});
+  place.light.drum(kFountainFoot, 1.75, 0, 0.5, {0.2, 0.18, 0.17});
+  place.light.drum(kFountainFoot, 0.75, 1.3, 1.5, {0.2, 0.18, 0.17});
 }
 
 // One drop on its parabola, as straight pieces.
@@ -48,7 +48,7 @@ void drop(Place& place, int64_t i, double birth) {
   const double turns = jet ? hash(2) : std::floor(hash(2) * 8) / 8 + 0.003 * (hash(3) - 0.5);
   const double out = jet ? 0.55 + 0.30 * (hash(4) - 0.5) : 0.75 + 0.12 * (hash(4) - 0.5);
   const double rise = jet ? 3.3 + 0.4 * (hash(5) - 0.5) : 0.9 + 0.2 * (hash(5) - 0.5);
-  const Vec3 start = kFoot + (jet ? kUp * 1.85 : kUp * 1.5 + on_circle(turns, 0.76));
+  const Vec3 start = kFountainFoot + (jet ? kUp * 1.85 : kUp * 1.5 + on_circle(turns, 0.76));
   const Vec3 v0 = on_circle(turns, out) + kUp * rise;
   const double floor = jet && out < 0.55 ? 1.48 : 0.42;
   const double life =
@@ -91,7 +91,7 @@ void make_fountain(Place& place) {
   for (int64_t i = 0; i < rings; ++i) {  // on the water, where drops fall
     const auto hash = [&](int64_t k) { return place.random(89, i, k); };
     Dot d;
-    d.p = kFoot + kUp * 0.425 +
+    d.p = kFountainFoot + kUp * 0.425 +
           on_circle(hash(0), hash(1) < 0.5 ? 1.22 + 0.1 * hash(2) : 0.5 + 0.7 * hash(2));
     d.v = {0, 0, -1};
     d.n = kUp;

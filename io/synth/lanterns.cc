@@ -5,20 +5,7 @@
 #include "io/synth/place.h"
 
 namespace l4d::io::synth {
-
 namespace {
-
-Dot glow(const Vec3& at, double size, double opacity, const Vec3& light) {
-  Dot d;
-  d.p = at;
-  d.n = {0, 0, 1};
-  d.su = d.sv = size;
-  d.emit = light;
-  d.opacity = opacity;
-  d.thin = 1;
-  d.kind = Kind::kUnshaded;
-  return d;
-}
 
 // A brighter core and halo for some frames, 3.5 times a second.
 void flicker(Place& place, const Vec3& p, const Vec3& tint, int64_t number) {
@@ -60,19 +47,6 @@ struct Wire {
 };
 
 }  // namespace
-
-void Place::lamp(const Vec3& at, double radius, double strength, bool shadows) {
-  if (!counting) light.lamps.push_back({at, strength, {}, shadows});
-  put(ball(at, {radius, radius, radius}, std::max(0.75 * radius, 0.75 * radius / density)),
-      [](Dot& d) {
-        d.emit = kLit * 3.4;
-        d.kind = Kind::kUnshaded;
-        d.thin = 0.5;
-      });
-  put({glow(at, 1.7 * radius, 0.30, kLit * 1.6),
-       glow(at + kUp * 1e-3, 3.2 * radius, 0.11, kLit * 1.6)},
-      [](Dot&) {});
-}
 
 void make_lanterns(Place& place) {
   const Wire wires[] = {{{-11.9, 5.3, -4.0}, {-6.4, 5.0, 7.2}},

@@ -10,8 +10,6 @@ namespace {
 
 constexpr double kElevation = 0.231;  // tangent of the sun's height
 constexpr Vec3 kSunColor{1.9, 0.798, 0.285};
-constexpr Vec3 kSkyUp{0.120, 0.165, 0.33}, kGlow{0.15, 0.075, 0.06}, kBounce{0.06, 0.055, 0.065};
-constexpr Vec3 kLampColor{1.0, 0.56, 0.20};
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
 // What the far ridge leaves of the sun: none below a plane that slants away from it.
@@ -57,7 +55,7 @@ double sun_share(const Light& light, const Dot& d) {
 // Openness of the half-space above the surface, by rays; a near hit takes more than a far one.
 double openness(const Light& light, const Surfaces& hashes, const Dot& d) {
   constexpr int kRays = 14;
-  constexpr double kReach = 3;
+  const double reach = light.ambience.reach;
   const Vec3 e1 = unit(cross(d.n, std::abs(d.n[1]) < 0.9 ? kUp : Vec3{1, 0, 0}));
   const Vec3 e2 = cross(d.n, e1);
   const double turn = hashes.random_at(3, d.p);
@@ -66,14 +64,29 @@ double openness(const Light& light, const Surfaces& hashes, const Dot& d) {
     const double rr = (k + 0.5) / kRays, turns = k * 0.6180339887 + turn;
     const Vec3 to =
         (e1 * cos_turns(turns) + e2 * sin_turns(turns)) * std::sqrt(rr) + d.n * std::sqrt(1 - rr);
-    const Hit hit = light.cast(d.p + d.n * 0.03, to, kReach);
+    const Hit hit = light.cast(d.p + d.n * 0.03, to, reach);
     double ground = to[1] < -1e-3 ? d.p[1] / (0.0 - to[1]) : kNever;
     if (d.p[1] <= 0.02) ground = kNever;
     const double t = std::min(hit.distance, std::max(ground, 0.0));
-    const double near = t >= kReach ? 1 : power(t / kReach, 0.7);
-    open += std::max(near, ground > kReach ? hit.lets : 0.0) / kRays;
+    const double near = t >= reach ? 1 : power(t / reach, 0.7);
+    open += std::max(near, ground > reach ? hit.lets : 0.0) / kRays;
   }
   return open;
+}
+
+// The part of a lamp with a size that no thing hides, by rays to points within it.
+double seen_of(const Light& light, const Lamp& lamp, const Dot& d) {
+  constexpr int kRays = 6;
+  const Vec3 from = d.p + d.n * 0.02;
+  double seen = 0;
+  for (int k = 0; k < kRays; ++k) {
+    const double y = 1 - 2 * (k + 0.5) / kRays;
+    const Vec3 around = on_circle(k * 0.6180339887498949, std::sqrt(1 - y * y));
+    const Vec3 to = lamp.at + Vec3{around[0], y, around[2]} * lamp.radius - from;
+    const double distance = length(to);
+    seen += light.cast(from, to * (1 / distance), distance).lets / kRays;
+  }
+  return seen;
 }
 
 double lamp_share(const Light& light, const Lamp& lamp, const Dot& d) {
@@ -87,10 +100,10 @@ double lamp_share(const Light& light, const Lamp& lamp, const Dot& d) {
   const double fade = 1 - d2 / reach2;
   k *= lamp.strength / (d2 + 0.12) * fade * fade;
   if (dot(lamp.facing, lamp.facing) > 0) k *= clamp(0.0 - dot(l, lamp.facing), 0, 1);
-  if (lamp.shadows && k > 0.004) {
-    const Hit hit = light.cast(d.p + d.n * 0.03, l, 9);
-    if (hit.distance < distance - 0.12) k *= hit.lets;
-  }
+  if (!lamp.shadows || k <= 0.004) return k;
+  if (lamp.radius > 0) return k * seen_of(light, lamp, d);
+  const Hit hit = light.cast(d.p + d.n * 0.03, l, 9);
+  if (hit.distance < distance - 0.12) k *= hit.lets;
   return k;
 }
 
@@ -178,21 +191,52 @@ Hit Light::cast(const Vec3& from, const Vec3& d, double reach) const {
 Vec3 Light::shade(const Surfaces& hashes, const Dot& d) const {
   if (d.kind == Kind::kUnshaded) return d.emit;
   const double open = openness(*this, hashes, d);
-  Vec3 sum =
-      mix(kBounce, kSkyUp, d.n[1] * 0.5 + 0.5) + kGlow * (0.6 * clamp(dot(d.n, sunset()), 0, 1));
+  Vec3 sum = mix(ambience.bounce, ambience.up, d.n[1] * 0.5 + 0.5) +
+             ambience.glow * (0.6 * clamp(dot(d.n, sunset()), 0, 1));
   sum = sum * open;
-  double facing = dot(d.n, sun());
+  double facing = ambience.outdoors ? dot(d.n, sun()) : 0;
   if (d.kind == Kind::kLeaf) facing = facing * 0.6 + 0.4;
   facing = clamp(facing, 0, 1);
-  if (facing > 0.002) sum = sum + kSunColor * (sun_share(*this, d) * facing);
+  if (ambience.outdoors && facing > 0.002) {
+    sum = sum + kSunColor * (sun_share(*this, d) * facing);
+  }
   for (const Lamp& lamp : lamps) {
     const double k = lamp_share(*this, lamp, d);
-    if (k > 0) sum = sum + kLampColor * (k * (0.35 + 0.65 * open));
+    if (k > 0) sum = sum + lamp.color * (k * (0.35 + 0.65 * open));
   }
   return d.emit + d.albedo * sum;
 }
 
+Vec3 Light::seen_indoors(const Vec3& from, const Vec3& d) const {
+  const Hit hit = cast(from, d, 40);
+  Vec3 out{};
+  if (hit.what != nullptr) {
+    const Vec3 p = from + d * hit.distance;
+    Vec3 light = mix(ambience.up, ambience.bounce, 0.5);
+    for (const Lamp& lamp : lamps) {  // as if what is hit faced every lamp a little
+      const Vec3 to = lamp.at - p;
+      const double d2 = dot(to, to);
+      double k = 0.45 * lamp.strength / (d2 + 0.3);
+      if (dot(lamp.facing, lamp.facing) > 0) {
+        k *= clamp(0.0 - dot(to, lamp.facing) / std::sqrt(d2 + 1e-12), 0, 1);
+      }
+      light = light + lamp.color * k;
+    }
+    out = hit.what->emit + hit.what->color * light;
+  }
+  for (const Lamp& lamp : lamps) {
+    const Vec3 to = lamp.at - from;
+    const double d2 = dot(to, to), along = dot(d, to);
+    if (along <= 0 || along * along < 0.8 * d2 || dot(lamp.facing, to) > 0) continue;
+    if (hit.distance * hit.distance < 0.7 * d2) continue;  // hidden
+    const double lobe = power(along * along / d2, 60);
+    out = out + lamp.color * (lobe * std::min(lamp.strength, 1.5) * 2.2 / (0.6 + d2 / 8));
+  }
+  return out;
+}
+
 Vec3 Light::seen_along(const Vec3& from, const Vec3& d) const {
+  if (!ambience.outdoors) return seen_indoors(from, d);
   const Hit hit = cast(from, d, 40);
   const double to_ground = d[1] < -0.02 ? from[1] / (0.0 - d[1]) : kNever;
   const bool ground = to_ground < hit.distance && to_ground < 14;

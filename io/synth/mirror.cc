@@ -30,13 +30,13 @@ struct Looks {
   }
 };
 
-// Dots that share what they mirror: by place, to a metre, and by normal. Chrome shares nothing.
+// Dots that share what they mirror: by place and by normal. Chrome shares nothing.
 using Cell = std::array<int64_t, 7>;
-Cell cell_of(const Dot& d, size_t i) {
+Cell cell_of(const Dot& d, double size, size_t i) {
   const auto whole = [](double x) { return static_cast<int64_t>(std::floor(x)); };
-  return {whole(d.p[0]),
-          whole(d.p[1]),
-          whole(d.p[2]),
+  return {whole(d.p[0] / size),
+          whole(d.p[1] / size),
+          whole(d.p[2] / size),
           whole(d.n[0] * 4 + 0.5),
           whole(d.n[1] * 4 + 0.5),
           whole(d.n[2] * 4 + 0.5),
@@ -125,7 +125,7 @@ std::vector<float> mirror(const std::vector<Dot>& dots, const std::vector<Vec3>&
   for (size_t i = 0; i < dots.size(); ++i) {
     const Dot& d = dots[i];
     if (d.gloss > 0.02 && d.sigma_t == 0) {
-      glossy.emplace_back(cell_of(d, i), i);
+      glossy.emplace_back(cell_of(d, light.ambience.cell, i), i);
       continue;
     }
     const Vec3 plain = displayed(linear[i]);

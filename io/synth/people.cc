@@ -10,11 +10,12 @@ namespace {
 constexpr Vec3 kSkin{0.60, 0.36, 0.25};
 
 void juggler_body(Place& place, const Vec3& at) {
-  constexpr Vec3 kRed{0.55, 0.07, 0.06}, kCream{0.75, 0.68, 0.55}, kDark{0.07, 0.07, 0.11};
+  constexpr Vec3 kRedCloth{0.55, 0.07, 0.06}, kCreamCloth{0.75, 0.68, 0.55},
+      kDark{0.07, 0.07, 0.11};
   const auto limb = [&](const Vec3& a, const Vec3& b, double r0, double r1, const Vec3& color,
                         bool stripes = false) {
     place.put(place.tube(at + a, at + b, r0, r1, 0.052), [&](Dot& d) {
-      d.albedo = stripes && static_cast<int>(d.p[1] / 0.09) % 2 == 0 ? kCream : color;
+      d.albedo = stripes && static_cast<int>(d.p[1] / 0.09) % 2 == 0 ? kCreamCloth : color;
       d.thin = r1 < 0.12 && r0 < 0.12 ? 0.45 : 0.1;
     });
   };
@@ -26,10 +27,10 @@ void juggler_body(Place& place, const Vec3& at) {
   };
   limb({-0.12, 0.06, 0}, {-0.10, 0.85, 0}, 0.07, 0.10, kDark);
   limb({0.14, 0.06, 0.05}, {0.10, 0.85, 0}, 0.07, 0.10, kDark);
-  limb({0, 0.80, 0}, {0, 1.42, 0}, 0.17, 0.20, kRed, true);
+  limb({0, 0.80, 0}, {0, 1.42, 0}, 0.17, 0.20, kRedCloth, true);
   for (const double s : {-1.0, 1.0}) {
-    limb({0.22 * s, 1.40, 0}, {0.33 * s, 1.10, 0.05}, 0.065, 0.05, kCream);
-    limb({0.33 * s, 1.10, 0.05}, {0.30 * s, 1.12, 0.36}, 0.05, 0.04, kCream);
+    limb({0.22 * s, 1.40, 0}, {0.33 * s, 1.10, 0.05}, 0.065, 0.05, kCreamCloth);
+    limb({0.33 * s, 1.10, 0.05}, {0.30 * s, 1.12, 0.36}, 0.05, 0.04, kCreamCloth);
     bulb({0.30 * s, 1.12, 0.4}, {0.055, 0.055, 0.055}, 0.045, kSkin);
     bulb({0.042 * s, 1.685, 0.108}, {0.017, 0.017, 0.017}, 0.018, {0.03, 0.02, 0.02});
   }
@@ -39,7 +40,7 @@ void juggler_body(Place& place, const Vec3& at) {
   bulb({0, 1.66, 0}, {0.11, 0.14, 0.12}, 0.045, kSkin);
   bulb({-0.12, 0.05, 0.06}, {0.07, 0.06, 0.14}, 0.045, kDark);
   bulb({0.14, 0.05, 0.11}, {0.07, 0.06, 0.14}, 0.045, kDark);
-  bulb({0, 1.41, 0}, {0.25, 0.08, 0.14}, 0.045, kRed);
+  bulb({0, 1.41, 0}, {0.25, 0.08, 0.14}, 0.045, kRedCloth);
   if (place.counting) return;
   place.light.ball(at + kUp * 1.15, 0.27, 0, {0.1, 0.12, 0.05});
   place.light.ball(at + kUp * 0.45, 0.22, 0, {0.1, 0.12, 0.05});
@@ -47,15 +48,15 @@ void juggler_body(Place& place, const Vec3& at) {
 
 // A flight of 1 s from hand to hand, then 0.3 s in a low scoop in the hand.
 Vec3 juggled(double t, int k) {
-  constexpr double kFly = 1.0, kHold = 0.3, kGravity = 9.81;
+  constexpr double kFly = 1.0, kHold = 0.3, kFall = 9.81;
   const double throws = t / (kFly + kHold) + k * 2 / 3.0, whole = std::floor(throws);
   const double x = (throws - whole) * (kFly + kHold);
   const double side = whole - 2 * std::floor(whole / 2) < 0.5 ? 1 : -1;
   if (x < kFly)
-    return {side * mix(-0.24, 0.36, x / kFly), 1.24 + 0.5 * kGravity * x * (kFly - x), 0.42};
+    return {side * mix(-0.24, 0.36, x / kFly), 1.24 + 0.5 * kFall * x * (kFly - x), 0.42};
   const double in_hand = (x - kFly) / kHold;
   return {side * mix(0.36, 0.24, smooth(0, 1, in_hand)),
-          1.24 - 0.5 * kGravity * kFly * (x - kFly) * (1 - in_hand), 0.42};
+          1.24 - 0.5 * kFall * kFly * (x - kFly) * (1 - in_hand), 0.42};
 }
 
 struct Walk {

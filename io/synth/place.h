@@ -5,11 +5,13 @@
 #include <string>
 
 #include "io/synth/light.h"
+#include "io/synth/place_cameras.h"
+#include "io/synth/synth.h"
 
 namespace l4d::io::synth {
 
-// A place under construction. It is made several times, first to count its Gaussians at some
-// density (then nothing is painted or lit) and then for good.
+// A place under construction: a square, a room. It is made several times, first to count its
+// Gaussians at some density (then nothing is painted or lit) and then for good.
 struct Place : Surfaces {
   bool is_static = true, rigid = true, deform = true, flicker = true, drops = true, view = true;
   bool windows = false;  // the pieces of the carousel have whole frames
@@ -111,6 +113,20 @@ struct Place : Surfaces {
     return static_cast<int64_t>(number / (density * density));
   }
 };
+
+// A soft ball of light, which gives none.
+Dot glow(const Vec3& at, double size, double opacity, const Vec3& light);
+
+// What a place has of its own.
+struct Design {
+  double detailed;  // Gaussians of 5 seconds at density 1
+  Vec3 low, high;   // bounds
+  View first;
+  void (*build)(Place&);
+};
+// Throws Error(L4D_ERR_INVALID_ARGUMENT) on effects that places lack, and where there is no detail
+// for that many Gaussians.
+Scene make_place(const Design& design, const SynthOptions& options);
 
 void make_ground(Place& place);
 void make_houses(Place& place, std::vector<Vec3>* chimneys);

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "io/synth/cloud.h"
+#include "io/synth/room/room.h"
 #include "io/synth/sh_basis.h"
 #include "io/synth/square.h"
 #include "libl4dcodec/base/threads.h"
@@ -55,7 +56,7 @@ void put_sh(Rng& rng, const Particle& p, uint32_t degree, float* sh /* [K, 3] */
 // Tilts a still Gaussian's axes into time, in the plane of its velocity and the time axis.
 Rotor tilted(const Vec4& quaternion, const Vec3& velocity) {
   const Matrix3 r = quaternion_to_matrix(quaternion);
-  const double speed = std::sqrt(synth::dot(velocity, velocity));
+  const double speed = std::sqrt(dot(velocity, velocity));
   const Vec3 n = synth::times(velocity, 1 / speed);
   const double c = 1 / std::sqrt(1 + speed * speed), s = speed * c;
   Matrix4 m;
@@ -201,6 +202,7 @@ Scene synthesize(const SynthOptions& options) {
     throw Error(L4D_ERR_INVALID_ARGUMENT, "the duration must be above 0 and at most 86400 seconds");
   }
   if (options.scene == "square") return synth::make_square(options);
+  if (options.scene == "room") return synth::make_living_room(options);
   if (options.scene != "cloud") {
     throw Error(L4D_ERR_INVALID_ARGUMENT, "unknown scene " + options.scene);
   }

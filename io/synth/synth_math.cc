@@ -96,10 +96,6 @@ double sin_turns(double turns) {
   return x * sum;
 }
 
-Vec3 cross(const Vec3& a, const Vec3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-
 Vec3 unit(const Vec3& v) {
   const double norm2 = dot(v, v);
   return norm2 > 0 ? times(v, 1 / std::sqrt(norm2)) : Vec3{1, 0, 0};

@@ -46,8 +46,6 @@ inline double cos_turns(double turns) { return sin_turns(turns + 0.25); }
 
 inline Vec3 add(const Vec3& a, const Vec3& b) { return {a[0] + b[0], a[1] + b[1], a[2] + b[2]}; }
 inline Vec3 times(const Vec3& a, double s) { return {a[0] * s, a[1] * s, a[2] * s}; }
-inline double dot(const Vec3& a, const Vec3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-Vec3 cross(const Vec3& a, const Vec3& b);
 Vec3 unit(const Vec3& v);  // x axis where v is zero
 
 Vec4 multiply(const Vec4& a, const Vec4& b);  // quaternions w x y z

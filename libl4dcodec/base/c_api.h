@@ -18,7 +18,7 @@
 namespace l4d::api {
 
 // How many bytes T has at least in every version of this library. A caller's struct is never
-// smaller, so one that claims to be was not filled by its init macro. Each versioned struct that a
+// smaller, so one that claims to be was not made by L4D_INIT. Each versioned struct that a
 // function takes has a line of L4D_FIRST_VERSION with the last field of its first version; a struct
 // without one does not compile.
 template <typename T>
@@ -47,7 +47,7 @@ template <typename T>
 const char* optional(const T* p) {
   if constexpr (HasStructSize<T>::value) {
     if (p != nullptr && p->struct_size < FirstVersion<T>::kBytes) {
-      return "struct_size is below that of the struct's first version: fill it with its init macro";
+      return "struct_size is below that of the struct's first version: make it with L4D_INIT";
     }
   }
   return nullptr;
@@ -73,17 +73,22 @@ void init_struct(T* out, size_t struct_size, T defaults) {
 
 // A full struct from a caller's possibly older one: missing fields keep their defaults.
 template <typename T>
-T read_struct(const T& in, T defaults) {
+T read_struct(const T& in, T defaults = {}) {
   const size_t size = std::min(in.struct_size, sizeof(T));
   std::memcpy(static_cast<void*>(&defaults), &in, size);
   defaults.struct_size = sizeof(T);
   return defaults;
 }
+// The same of one that a caller may leave out.
+template <typename T>
+T read_optional(const T* in) {
+  return in == nullptr ? L4D_INIT(T) : read_struct(*in);
+}
 
 // Full structs from an array of a caller's: `count` of them, each as long as the first one says.
 // What is wrong with the array, null if nothing is.
 template <typename T>
-const char* read_array(const T* in, size_t count, const T& defaults, std::vector<T>* out) {
+const char* read_array(const T* in, size_t count, std::vector<T>* out) {
   out->clear();
   if (count == 0) return nullptr;
   if (const char* bad = required(in)) return bad;
@@ -91,9 +96,9 @@ const char* read_array(const T* in, size_t count, const T& defaults, std::vector
   for (size_t i = 0; i < count; ++i) {
     const T& element = *reinterpret_cast<const T*>(reinterpret_cast<const char*>(in) + i * stride);
     if (element.struct_size != stride) {
-      return "the elements of an array differ in struct_size: fill each with its init macro";
+      return "the elements of an array differ in struct_size: make each with L4D_INIT";
     }
-    out->push_back(read_struct(element, defaults));
+    out->push_back(read_struct(element));
   }
   return nullptr;
 }
@@ -145,23 +150,6 @@ inline l4d_status fail(l4d_status code, const char* message) noexcept {
   return code;
 }
 
-// The last failure of a handle.
-class ErrorMessage {
- public:
-  l4d_status keep(const Status& status) {
-    try {
-      detail_ = status.ok() ? std::string() : status.detail();
-    } catch (...) {
-      detail_.clear();
-    }
-    return keep_last(status);
-  }
-  const char* c_str() const { return detail_.c_str(); }
-
- private:
-  std::string detail_;
-};
-
 // Whether a call on a handle is running, so that its callbacks cannot begin another one.
 class Busy {
  public:
@@ -192,21 +180,10 @@ inline l4d_status fail_without_handle() noexcept {
   return fail(L4D_ERR_INVALID_ARGUMENT, "the handle is NULL");
 }
 
-// Runs `body` for a call on a handle that has `busy` and `error`, and keeps its failure there. bad:
-// what is wrong with the arguments, or null.
+// Runs `body` for a call on a handle that has `busy`, and keeps its failure. bad: what is wrong
+// with the arguments, or null.
 template <typename Handle, typename Body>
 l4d_status call_on(Handle* handle, const char* bad, const Body& body) {
-  if (handle == nullptr) return fail_without_handle();
-  const Busy::Scope scope(handle->busy);
-  if (!scope.entered()) return fail_busy();
-  return handle->error.keep(guard([&]() -> Status {
-    if (bad != nullptr) return invalid_argument(bad);
-    return body();
-  }));
-}
-// The same for a function that only looks: the handle keeps the detail that it has.
-template <typename Handle, typename Body>
-l4d_status look_at(const Handle* handle, const char* bad, const Body& body) {
   if (handle == nullptr) return fail_without_handle();
   const Busy::Scope scope(handle->busy);
   if (!scope.entered()) return fail_busy();

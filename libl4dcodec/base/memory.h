@@ -13,13 +13,22 @@ namespace l4d {
 // What one handle holds, against its limit. Charged before the allocation it stands for.
 class MemoryBudget {
  public:
+  MemoryBudget() = default;
+  MemoryBudget(const MemoryBudget&) = delete;
+  MemoryBudget& operator=(const MemoryBudget&) = delete;
+  ~MemoryBudget() {
+    if (shared_ != nullptr) shared_->release(used_);
+  }
   void set_limit(uint64_t bytes) { limit_ = bytes; }
+  // What several handles hold together is limited, too. Before the first charge; outlives this one.
+  void share(MemoryBudget* of_all) { shared_ = of_all; }
   Status charge(uint64_t bytes, const char* what) {
     if (!has_capacity(bytes)) {
       return Status(L4D_ERR_LIMIT_EXCEEDED, std::string(what) + " needs " + std::to_string(bytes) +
                                                 " bytes more than the " + std::to_string(used_) +
                                                 " held; the limit is " + std::to_string(limit_));
     }
+    if (shared_ != nullptr) L4D_RETURN_IF_ERROR(shared_->charge(bytes, what));
     used_ += bytes;
     peak_ = std::max(peak_, used_);
     return {};
@@ -31,8 +40,15 @@ class MemoryBudget {
     release(bytes);
     return {};
   }
-  void release(uint64_t bytes) { used_ -= std::min(bytes, used_); }
-  uint64_t capacity() const { return limit_ - std::min(used_, limit_); }
+  void release(uint64_t bytes) {
+    bytes = std::min(bytes, used_);
+    used_ -= bytes;
+    if (shared_ != nullptr) shared_->release(bytes);
+  }
+  uint64_t capacity() const {
+    const uint64_t own = limit_ - std::min(used_, limit_);
+    return shared_ == nullptr ? own : std::min(own, shared_->capacity());
+  }
   uint64_t used() const { return used_; }
   uint64_t peak() const { return peak_; }
 
@@ -40,6 +56,7 @@ class MemoryBudget {
   uint64_t limit_ = ~uint64_t{0};
   uint64_t used_ = 0;
   uint64_t peak_ = 0;
+  MemoryBudget* shared_ = nullptr;
 };
 
 // A charge that is given back when this object goes, whatever ends its scope, unless it is kept.

@@ -47,6 +47,9 @@ void run_workers(int workers, const Work& work) {
 #endif
 }
 
+// Gaussians in a piece, where each costs little.
+constexpr size_t kGrain = 4096;
+
 // Runs body(begin, end) over [0, count) cut into pieces of `grain`. The cut depends on count and
 // grain alone, never on the number of threads, so a caller that keeps one result per piece and
 // combines them in order gets the same bits for any thread count. The first exception thrown by a

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "l4d/decode.h"
+#include "l4d/experimental/inspect.h"
 #include "libl4dcodec/base/status.h"
 #include "libl4dcodec/container/channels.h"
 #include "libl4dcodec/container/directory.h"

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "l4d/experimental/inspect.h"
 #include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/container/page_columns.h"
 

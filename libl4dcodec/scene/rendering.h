@@ -19,6 +19,13 @@ inline l4d_rendering default_rendering() {
   return r;
 }
 
+// Five zeros are the numbers of 3D Gaussian splatting.
+inline l4d_rendering resolved(const l4d_rendering& r) {
+  const bool unset = r.dilation == 0 && r.cutoff == 0 && r.min_alpha == 0 && r.max_alpha == 0 &&
+                     r.compensation == 0;
+  return unset ? default_rendering() : r;
+}
+
 inline bool is_default(const l4d_rendering& r) {
   const l4d_rendering usual = default_rendering();
   return r.dilation == usual.dilation && r.cutoff == usual.cutoff &&

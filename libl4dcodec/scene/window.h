@@ -21,13 +21,15 @@ constexpr double kFrameSlack = 0x1p-11;
 constexpr double kMaxClockFrames = 0x1p40;
 
 // The frames begin..end-1; begin = end = 0: the Gaussian has no flat window.
-struct FrameWindow {
+struct alignas(8) FrameWindow {
   uint32_t begin = 0, end = 0;
 
   L4D_HOST_DEVICE constexpr bool is_flat() const { return end != 0; }
   L4D_HOST_DEVICE constexpr bool holds(uint32_t frame) const {
     return begin <= frame && frame < end;
   }
+  // Whether nothing but its falloff hides the Gaussian in this frame.
+  L4D_HOST_DEVICE constexpr bool shows(uint32_t frame) const { return !is_flat() || holds(frame); }
   L4D_HOST_DEVICE constexpr bool is_valid(uint32_t num_frames) const {
     return begin < end && end <= num_frames;
   }

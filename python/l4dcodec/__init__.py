@@ -10,13 +10,15 @@ Lengths are scene units, times seconds, angles radians.
 """
 
 from .camera import Camera, read_cameras
+from .checkpoint import read_checkpoint
 from .core import Error, Reader, Record, Status, Violation, lib, text
 from .decoder import Decoder, Info, open
-from .encoder import EncodeReport, encode, parameters, presets
+from .encoder import EncodeReport, Importance, encode, parameters, presets
 from .files import Comparison, ErrorStatistics, compare, validate
-from .scene import Scene, Splats, Timeline, read
+from .notebook import Shown, show
+from .scene import Scene, Splats, Timeline, read, read_frames
 
 __version__ = text(lib.l4d_version_string())
-__all__ = ["Camera", "Comparison", "Decoder", "EncodeReport", "Error", "ErrorStatistics", "Info", "Reader", "Record",
-           "Scene", "Splats", "Status", "Timeline", "Violation", "compare", "encode", "open", "parameters", "presets",
-           "read", "read_cameras", "validate"]
+__all__ = ["Camera", "Comparison", "Decoder", "EncodeReport", "Error", "ErrorStatistics", "Importance", "Info", "Reader",
+           "Record", "Scene", "Shown", "Splats", "Status", "Timeline", "Violation", "compare", "encode", "open", "parameters",
+           "presets", "read", "read_cameras", "read_checkpoint", "read_frames", "show", "validate"]

@@ -3,12 +3,14 @@
 
 import dataclasses
 import math
+import os
+import warnings
 from typing import Any, Mapping, Sequence, Tuple
 
 import numpy as np
 import numpy.typing as npt
 
-from .core import Path, check, ffi, lib, path_bytes, struct
+from .core import Path, check, ffi, lib, path_bytes, struct, text
 
 
 @dataclasses.dataclass(eq=False)
@@ -26,7 +28,7 @@ class Camera:
     """Scene units."""
 
     @staticmethod
-    def look_at(position: Sequence[float], target: Sequence[float], up: Sequence[float] = (0, 1, 0), *,
+    def call_on(position: Sequence[float], target: Sequence[float], up: Sequence[float] = (0, 1, 0), *,
                 fov: float = math.pi / 3, width: int = 960, height: int = 540) -> "Camera":
         """A camera at `position` that looks at `target`. fov: vertical field of view in radians."""
         eye = np.asarray(position, np.float64)
@@ -44,8 +46,8 @@ class Camera:
     def suggested(presentation: Mapping[str, Any], width: int = 960, height: int = 540) -> "Camera":
         """The first camera that a scene suggests. Raises ValueError if it suggests none."""
         if not presentation.get("has_camera"):
-            raise ValueError("the scene suggests no camera: give one, as Camera.look_at(position, target)")
-        return Camera.look_at(presentation["camera_position"], presentation["camera_target"],
+            raise ValueError("the scene suggests no camera: give one, as Camera.call_on(position, target)")
+        return Camera.call_on(presentation["camera_position"], presentation["camera_target"],
                               presentation["camera_up"], fov=presentation["camera_fov"], width=width, height=height)
 
     def to_c(self) -> Any:
@@ -59,12 +61,14 @@ class Camera:
 
 def read_cameras(path: Path) -> "Tuple[Tuple[int, Camera], ...]":
     """The cameras of a cameras.json, transforms.json or poses_bounds.npy (docs/formats.md), as (id, camera).
-    Distortions of lenses are left out."""
-    count = ffi.new("uint64_t*")
-    check(lib.l4dpy_read_cameras(path_bytes(path), ffi.NULL, ffi.NULL, 0, count))
+    Distortions of lenses are left out. What is assumed is a warning."""
+    count, notes = ffi.new("uint64_t*"), ffi.new("char[]", 4096)
+    check(lib.l4dpy_read_cameras(path_bytes(path), ffi.NULL, ffi.NULL, 0, count, notes, len(notes)))
+    for note in text(notes).splitlines():
+        warnings.warn(f"{os.fspath(path)}: {note}", stacklevel=2)
     n = count[0]
     cameras, ids = ffi.new("l4d_camera[]", n), ffi.new("int32_t[]", n)
-    check(lib.l4dpy_read_cameras(path_bytes(path), cameras, ids, n, count))
+    check(lib.l4dpy_read_cameras(path_bytes(path), cameras, ids, n, count, notes, len(notes)))
     out = []
     for i, c in zip(ids, cameras):
         K = np.array([[c.fx, 0, c.cx], [0, c.fy, c.cy], [0, 0, 1]])

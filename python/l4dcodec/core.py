@@ -4,8 +4,10 @@
 The other modules call C through `lib` and `ffi` of this one.
 """
 
+import concurrent.futures
 import enum
 import mmap
+import numbers
 import os
 from typing import Any, Callable, Dict, List, Mapping, Optional, Protocol, Tuple, Union, runtime_checkable
 
@@ -82,20 +84,63 @@ def text(chars: Any) -> str:
 def struct(name: str, **fields: Any) -> Any:
     """A struct of C with its defaults, and `fields` in place of some of them."""
     out = ffi.new(f"l4d_{name}*")
-    getattr(lib, f"l4d_{name}_init_")(out, ffi.sizeof(out[0]))
+    out.struct_size = ffi.sizeof(out[0])
     for key, value in fields.items():
         setattr(out, key, value)
     return out
 
 
-def check(status: int, reason: Callable[[], Any] = lib.l4d_last_error_message) -> None:
-    """Raises Error unless `status` is 0. reason: returns the message of C."""
+def check(status: int) -> None:
+    """Raises Error unless `status` is 0."""
     if status != 0:
-        raise Error(status, text(reason()))
+        raise Error(status, text(lib.l4d_last_error_message()))
 
 
 def path_bytes(path: Path) -> bytes:
-    return os.fsencode(path)
+    return c_string(os.fsencode(path), "a path")
+
+
+def c_string(value: Union[str, bytes], what: str) -> bytes:
+    """A string for C, which ends at the first NUL: raises Error if it has one before its end."""
+    out = value.encode() if isinstance(value, str) else value
+    if b"\0" in out:
+        raise Error(Status.INVALID_ARGUMENT, f"{what} holds a NUL: {out!r}")
+    return out
+
+
+def array_of(what: str, values: Any, shape: Tuple[int, ...], dtype: Any) -> npt.NDArray[Any]:
+    """A contiguous array of this shape and type with these values. Raises Error if they have another shape, are no
+    numbers, or are such as an integer type does not hold."""
+    if np.ma.is_masked(values):
+        raise Error(Status.INVALID_ARGUMENT, f"`{what}` has masked values")
+    given, wanted = np.asarray(values), np.dtype(dtype)
+    if given.shape != shape:
+        raise Error(Status.INVALID_ARGUMENT, f"`{what}` has the shape {list(given.shape)}, not {list(shape)}")
+    if given.dtype.kind not in ("iu" if wanted.kind in "iu" else "iufb") and given.size > 0:
+        raise Error(Status.INVALID_ARGUMENT, f"`{what}` is of {given.dtype}, not of {wanted}")
+    if wanted.kind in "iu" and given.size > 0:
+        limits = np.iinfo(wanted)
+        if int(given.min()) < limits.min or int(given.max()) > limits.max:
+            raise Error(Status.INVALID_ARGUMENT, f"`{what}` is from {given.min()} to {given.max()}, "
+                        f"which {wanted} does not hold")
+    with np.errstate(over="ignore"):  # what becomes infinite is refused by its number
+        return np.ascontiguousarray(given, wanted)
+
+
+def floats(what: str, values: Any, count: int) -> List[float]:
+    """`count` numbers."""
+    return [float(x) for x in array_of(what, values, (count,), np.float64)]
+
+
+def interruptible(run: Callable[[], None], cancel: Any) -> None:
+    """Runs a call of the library on another thread; this one waits, so that it hears Ctrl-C and sets cancel[0]."""
+    with concurrent.futures.ThreadPoolExecutor(1) as pool:
+        future = pool.submit(run)
+        try:
+            future.result()
+        except BaseException:
+            cancel[0] = 1
+            raise
 
 
 def borrow(pointer: Any, shape: Tuple[int, ...], dtype: str, owner: object) -> Any:
@@ -131,7 +176,7 @@ def record(value: Any) -> Any:
     kind = ffi.typeof(value) if isinstance(value, ffi.CData) else None
     if kind is None:
         return value
-    if kind.kind == "pointer" and kind.item.kind == "struct":
+    if kind.kind == "pointer" and kind.item.kind == "struct" and value != ffi.NULL:
         value, kind = value[0], kind.item
     if kind.kind == "array":
         return tuple(record(item) for item in value)
@@ -143,7 +188,11 @@ def record(value: Any) -> Any:
 
 def set_fields(target: Any, fields: Mapping[str, Any]) -> None:
     """Writes a Record back to its struct. Fields that it lacks stay as they are."""
+    types = dict(ffi.typeof(target[0] if ffi.typeof(target).kind == "pointer" else target).fields)
     for name, value in fields.items():
+        kind = types[name].type if name in types else None
+        if kind is not None and kind.kind == "array" and len(value) != kind.length:
+            raise Error(Status.INVALID_ARGUMENT, f"`{name}` has {len(value)} numbers, not {kind.length}")
         setattr(target, name, value)
 
 
@@ -163,7 +212,7 @@ class Call:
         """What C passes to the callbacks. The caller keeps it as long as C has it."""
         return ffi.new_handle(self)
 
-    def check(self, status: int, reason: Callable[[], Any] = lib.l4d_last_error_message) -> None:
+    def check(self, status: int) -> None:
         """As check(). An exception of the Python code is raised again, or becomes the cause of the Error."""
         error, self.error = self.error, None
         # Ctrl-C ends a tolerant call as well, which goes on where a reader fails.
@@ -171,7 +220,16 @@ class Call:
             raise error
         if status == 0:
             return
-        raise Error(status, text(reason())) from error
+        raise Error(status, text(lib.l4d_last_error_message())) from error
+
+
+def write_all(write: Callable[[bytes], object], data: bytes) -> None:
+    """Writes until all is written: an unbuffered file takes what it can at once, and says how much that was."""
+    while data:
+        taken = write(data)
+        if not isinstance(taken, numbers.Integral) or not 0 < int(taken) <= len(data):
+            raise OSError(f"write() of {len(data)} bytes returned {taken!r}, not how many it took")
+        data = data[int(taken):]
 
 
 class Violation:
@@ -199,7 +257,7 @@ def l4dpy_progress(user: Any, done: int, total: int, stage: Any) -> int:
 
 @ffi.def_extern(error=1, onerror=_keep)  # type: ignore[misc]
 def l4dpy_write(user: Any, data: Any, n: int) -> int:
-    ffi.from_handle(user).write(ffi.buffer(data, n)[:])
+    write_all(ffi.from_handle(user).write, ffi.buffer(data, n)[:])
     return 0
 
 
@@ -214,7 +272,10 @@ def l4dpy_read_at(user: Any, data: Any, n: int, offset: int) -> int:
 
 @ffi.def_extern(error=-1, onerror=_keep)  # type: ignore[misc]
 def l4dpy_size(user: Any) -> int:
-    return int(ffi.from_handle(user).reader.size())
+    size = int(ffi.from_handle(user).reader.size())
+    if not 0 <= size < 2**63:
+        raise ValueError(f"size() returned {size}")
+    return size
 
 
 @ffi.def_extern(onerror=_keep)  # type: ignore[misc]

@@ -8,17 +8,19 @@ import os
 import threading
 from collections import deque
 from types import TracebackType
-from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple, Type, Union
+from typing import TYPE_CHECKING, Any, Dict, Iterator, List, Optional, Sequence, Tuple, Type, Union
 
 import numpy as np
 
 from .camera import Camera
-from .core import (Call, Error, Floats, Progress, Reader, Record, Source, Status, c_reader, check, ffi, lib,
-                   path_bytes, pointer, reader_of, record, struct, text)
+from .core import (Call, Error, Floats, Progress, Reader, Record, Source, Status, c_reader, check, ffi, floats,
+                   lib, path_bytes, pointer, reader_of, record, struct, text)
 from .scene import ATTRIBUTES, Scene, Splats, Timeline, flags_of, shape_of
 
+if TYPE_CHECKING:
+    from .notebook import Shown
+
 DETAIL = {"full": 0, "base": 1}
-ALL = 2**32 - 1
 ID = np.dtype([("layer", "<u4"), ("bucket", "<u4"), ("index", "<u8")])
 
 
@@ -38,6 +40,8 @@ class Info:
     placement: Record
     rendering: Record
     presentation: Record
+    metadata: Sequence[Tuple[str, str]]
+    """Keys, which may repeat, and values: what encode(metadata=..) stored."""
     errors: Record
     """The largest errors of single Gaussians that the encoder states: l4d_coding_errors."""
     all: Record
@@ -46,6 +50,12 @@ class Info:
     def duration(self) -> float:
         """Seconds."""
         return self.timeline.duration
+
+
+def _point(detail: str, max_level: Optional[int], max_tier: Optional[int]) -> Dict[str, int]:
+    """The fields of l4d_operating_point."""
+    return {"levels": 0 if max_level is None else max_level + 1, "tiers": 0 if max_tier is None else max_tier + 1,
+            "detail": DETAIL[detail]}
 
 
 class Decoder:
@@ -59,14 +69,21 @@ class Decoder:
         self._handle: Any = None
         self._movie: Any = None
         self._renderer: Any = None
+        self._drawn: Any = None  # the operating point that the renderer has
         self._bytes: Any = None
         self._call = Call(reader=reader_of(source))
         self._user = self._call.handle()
+        self._path = os.fspath(source) if isinstance(source, (str, os.PathLike)) else None
         self._name = str(source) if isinstance(source, (str, os.PathLike)) else type(source).__name__
         self._lock = threading.RLock()
+        self._depth = 0  # calls of C that this thread is in
         out = ffi.new("l4d_decoder**")
         check(lib.l4d_decoder_create(options, out))
         self._handle = ffi.gc(out[0], lib.l4d_decoder_destroy)
+        with self._busy():
+            self._open_source(source, options)
+
+    def _open_source(self, source: Source, options: Any) -> None:
         reader = c_reader(self._call, self._user)
         if isinstance(source, (str, os.PathLike)):
             self._check(lib.l4d_decoder_open_file(self._handle, path_bytes(source)))
@@ -87,11 +104,24 @@ class Decoder:
         elif not isinstance(source, Reader):
             self._call.reader = None  # C reads by itself
 
+    def _read(self) -> bytes:
+        """All bytes of the file."""
+        with self._lock:
+            if self._path is not None:
+                return bytes(reader_of(self._path).read_at(0, self.info.file_bytes))
+            if self._bytes is not None:
+                return bytes(ffi.buffer(self._bytes))
+            if self._call.reader is None:
+                raise ValueError(f"the decoder of {self._name} is closed")
+            return bytes(self._call.reader.read_at(0, self.info.file_bytes))
+
     # ---- the handle ----
 
     def close(self) -> None:
-        """Closes the stream. Every later call fails."""
+        """Closes the stream. Every later call fails. Raises ValueError inside of a callback of one."""
         with self._lock:
+            if self._depth > 0:
+                raise ValueError(f"the decoder of {self._name} is in use: it cannot be closed in a callback")
             for owned in (self._renderer, self._handle, self._movie, self._bytes):
                 if owned is not None:
                     ffi.release(owned)
@@ -114,9 +144,19 @@ class Decoder:
                 f"{self.info.duration:g} s, {self.info.file_bytes} bytes>")
 
     @contextlib.contextmanager
+    def _busy(self) -> Iterator[None]:
+        """Takes the turn of this thread. The decoder stays open meanwhile, whatever callbacks do."""
+        with self._lock:
+            self._depth += 1
+            try:
+                yield
+            finally:
+                self._depth -= 1
+
+    @contextlib.contextmanager
     def _open(self) -> Iterator[Any]:
         """Takes the turn of this thread, and the decoder of a file of one stream."""
-        with self._lock:
+        with self._busy():
             if self._handle is self._movie is None:
                 raise ValueError(f"the decoder of {self._name} is closed")
             if self._handle is None:
@@ -125,10 +165,9 @@ class Decoder:
             yield self._handle
 
     @contextlib.contextmanager
-    def _shown(self, time: float, detail: str, max_level: Optional[int],
-               max_tier: Optional[int]) -> Iterator[List[Tuple[Any, float, float]]]:
+    def _shown(self, time: float) -> Iterator[List[Tuple[Any, float, float]]]:
         """Takes the turn of this thread, and the decoders that show `time`: decoder, its time, and its shift."""
-        with self._lock:
+        with self._busy():
             if self._movie is None:
                 with self._open() as handle:
                     shown = [(handle, time, 0.0)]
@@ -138,14 +177,10 @@ class Decoder:
                 if count[0] > len(out):
                     raise Error(Status.LIMIT_EXCEEDED, f"{count[0]} streams show {time} s; at most {len(out)} may")
                 shown = [(s.decoder, s.time, s.shift) for s in out[0:count[0]]]
-            for handle, _, _ in shown:
-                self._check(lib.l4d_decoder_set_detail(handle, DETAIL[detail]), handle)
-                self._check(lib.l4d_decoder_set_layers(handle, ALL if max_level is None else max_level,
-                                                       ALL if max_tier is None else max_tier), handle)
             yield shown
 
     def _check(self, status: int, handle: Any = None) -> None:
-        self._call.check(status, lambda: lib.l4d_decoder_error_message(handle or self._handle))
+        self._call.check(status)
 
     def _struct(self, name: str, get: Any, *arguments: Any) -> Record:
         out = struct(name)
@@ -161,8 +196,17 @@ class Decoder:
         return Info(out.num_gaussians, out.sh_degree, out.file_bytes, Timeline.of_c(out.timeline), tuple(layers),
                     "" if name == ffi.NULL else text(name), out.level, bool(out.tools & lib.L4D_TOOL_LOSSLESS),
                     all_.placement, self._struct("rendering", lib.l4d_decoder_get_rendering),
-                    self._struct("presentation", lib.l4d_decoder_get_presentation),
+                    self._struct("presentation", lib.l4d_decoder_get_presentation), self._get_metadata(),
                     self._struct("coding_errors", lib.l4d_decoder_get_coding_errors), all_)
+
+    def _get_metadata(self) -> Tuple[Tuple[str, str], ...]:
+        pairs: List[Tuple[str, str]] = []
+        out = ffi.new("const char*[2]")
+        while True:
+            self._check(lib.l4d_decoder_get_metadata(self._handle, len(pairs), out, out + 1))
+            if out[0] == ffi.NULL:
+                return tuple(pairs)
+            pairs.append((text(out[0]), text(out[1])))
 
     def _get_movie_info(self) -> Info:
         """That of the first stream, with the times, Gaussians and bytes of the file."""
@@ -208,9 +252,7 @@ class Decoder:
                max_level: Optional[int], max_tier: Optional[int], whole_buckets: bool) -> Any:
         if time is not None and range is not None:
             raise ValueError("time and range exclude each other")
-        query = struct("query", detail=DETAIL[detail], whole_buckets=int(whole_buckets),
-                       max_level=ALL if max_level is None else max_level,
-                       max_tier=ALL if max_tier is None else max_tier)
+        query = struct("query", point=_point(detail, max_level, max_tier), whole_buckets=int(whole_buckets))
         if time is not None:
             query.kind, query.time_begin = lib.L4D_QUERY_TIME, time
         elif range is not None:
@@ -261,6 +303,19 @@ class Decoder:
                      placement=self.info.placement, rendering=self.info.rendering,
                      presentation=self.info.presentation, source="l4d")
 
+    def decode_cuda(self, time: Optional[float] = None, *, range: Optional[Tuple[float, float]] = None,
+                    detail: str = "full", max_level: Optional[int] = None, max_tier: Optional[int] = None,
+                    whole_buckets: bool = False, device: int = 0) -> Dict[str, Any]:
+        """What decode() with the same arguments gives, the same bits, decoded on a CUDA device: float32 tensors of
+        PyTorch under the names of l4d_cuda_gaussian_buffers, on the current stream of `device` and complete.
+        `mean_t_local` is the mean time less the centre of the Gaussian's bucket; `window`, in streams with flat
+        windows alone, is of int32. Needs PyTorch, and a build of this package with CUDA."""
+        from .device import decode_cuda
+        query = self._query(time, range, detail, max_level, max_tier, whole_buckets)
+        with self._open() as handle:
+            windows = (self.info.all.tools & lib.L4D_TOOL_FLAT_WINDOWS) != 0
+            return decode_cuda(handle, query, self.info.sh_degree, windows, device)
+
     # ---- splats ----
 
     def slice(self, time: float, *, sh: bool = True, axes: bool = True, covariance: bool = True, ids: bool = False,
@@ -281,20 +336,22 @@ class Decoder:
             shapes["covariance"] = (6,)
         if camera_position is not None:
             shapes["color"] = (3,)
-        with self._shown(time, detail, max_level, max_tier) as shown:
-            parts = [self._slice(*stream[:2], shapes, camera_position, ids) for stream in shown]
+        point = _point(detail, max_level, max_tier)
+        with self._shown(time) as shown:
+            parts = [self._slice(*stream[:2], shapes, camera_position, ids, point) for stream in shown]
         empty: Any = {name: np.empty((0, *shape), np.float32) for name, shape in shapes.items()}
         whole = parts[0] if len(parts) == 1 else {
             name: np.concatenate([part[name] for part in parts] or [empty[name]]) for name in (parts or [empty])[0]}
         get: Any = whole.get
         return Splats(time, get("position"), get("opacity"), get("rotation"), get("scale"), get("sh"),
-                      get("covariance"), get("color"), get("id"))
+                      get("covariance"), get("color"), get("id"), self.info.placement, self.info.rendering,
+                      self.info.presentation)
 
     def _slice(self, handle: Any, time: float, shapes: Dict[str, Tuple[int, ...]],
-               camera_position: Optional[Sequence[float]], ids: bool) -> Dict[str, Any]:
-        buffers, status = struct("splat_buffers"), lib.L4D_ERR_BUFFER_TOO_SMALL
+               camera_position: Optional[Sequence[float]], ids: bool, point: Any) -> Dict[str, Any]:
+        buffers, status = struct("splat_buffers", point=point), lib.L4D_ERR_BUFFER_TOO_SMALL
         if camera_position is not None:
-            buffers.camera_position = list(camera_position)
+            buffers.camera_position = floats("camera_position", camera_position, 3)
         # The first call fails for its capacity and counts. It is given the same arrays, so that it decodes
         # what the second one needs, too. A tolerant decoder may find more in the second call.
         while status == lib.L4D_ERR_BUFFER_TOO_SMALL:
@@ -314,6 +371,8 @@ class Decoder:
         sequence at its own frame rate unless given. A thread slices up to `prefetch` frames ahead. arguments: those
         of slice()."""
         rate = float(self.timeline.fps if fps is None else fps)
+        if not 0 < rate < np.inf:
+            raise Error(Status.INVALID_ARGUMENT, f"a frame rate of {rate}; it must be above 0")
         first = self.timeline.time_begin if begin is None else begin
         last = self.timeline.time_end if end is None else end
         times = (first + k / rate for k in range(max(0, int(np.ceil((last - first) * rate - 1e-6)))))
@@ -345,23 +404,32 @@ class Decoder:
         """
         if camera is None:
             camera = Camera.suggested(self.info.presentation)
-        with self._shown(time, detail, max_level, max_tier) as shown:
-            if self._renderer is None or self._movie is not None:
+        point = (detail, max_level, max_tier)
+        with self._shown(time) as shown:
+            if self._renderer is None or self._movie is not None or self._drawn != point:
                 out = ffi.new("l4d_renderer**")
                 check(lib.l4d_renderer_create(ffi.NULL, out))
                 self._renderer = ffi.gc(out[0], lib.l4d_renderer_destroy)
                 handles, _, shifts = zip(*shown)
-                self._check_render(lib.l4d_renderer_set_decoders(self._renderer, handles, shifts, len(shown)))
+                self._check_render(lib.l4d_renderer_set_streams(self._renderer, handles, shifts, len(shown),
+                                                                    ffi.new("l4d_operating_point*", _point(*point))))
+                self._drawn = point
             rgb = np.empty((camera.height, camera.width, 3), np.float32)
             opacity = np.empty((camera.height, camera.width), np.float32) if alpha else None
             image = struct("image", rgb=pointer(rgb), alpha=pointer(opacity))
-            self._check_render(lib.l4d_renderer_set_background(self._renderer, list(background)))
+            self._check_render(lib.l4d_renderer_set_background(self._renderer, floats("background", background, 3)))
             self._check_render(lib.l4d_renderer_set_time(self._renderer, shown[0][1] + shown[0][2]))
             self._check_render(lib.l4d_renderer_render(self._renderer, camera.to_c(), image))
         return rgb if opacity is None else np.concatenate([rgb, opacity[..., None]], axis=2)
 
+    def show(self, **arguments: Any) -> "Shown":
+        """Shows the stream in a notebook: in the player, or with camera= or time= as a picture. The arguments are
+        those of l4dcodec.show()."""
+        from .notebook import show  # which imports this module
+        return show(self, **arguments)
+
     def _check_render(self, status: int) -> None:
-        self._call.check(status, lambda: lib.l4d_renderer_error_message(self._renderer))
+        self._call.check(status)
 
 
 def open(source: Source, *, threads: int = 0, tolerant: bool = False, max_memory_bytes: int = 0,

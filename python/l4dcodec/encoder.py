@@ -2,17 +2,36 @@
 """Encoding of scenes."""
 
 import dataclasses
+import numbers
 import os
 from typing import Any, BinaryIO, Dict, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
 
-from .core import Call, Error, Path, Progress, Record, Status, check, ffi, lib, path_bytes, pointer, record, struct, text
+from .core import (Call, Error, Path, Progress, Record, Status, array_of, c_string, check, ffi, lib, path_bytes, pointer,
+                   record, struct, text)
 from .scene import Scene, parts_of, read
 
 WEIGHTS = ("sh", "scale", "rotor_spatial", "rotor_temporal", "alpha_t", "position", "opacity", "mean_t")
-COMPONENTS = {"sh": 0, "scale": 1, "rotor-spatial": 2, "rotor-temporal": 3}
+METRICS = ("sum", "gauss-newton")
+VIEWS = ("unknown", "all", "some")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Importance:
+    """How much images of a scene change with each of its Gaussians, and how large each has to be for its errors to count."""
+
+    weights: Mapping[str, npt.ArrayLike] = dataclasses.field(default_factory=dict)
+    """By the names of WEIGHTS: [N], larger = more visible."""
+    metric: str = "gauss-newton"
+    """What the weights but alpha_t are: "gauss-newton", as `l4dcodec sensitivity` measures them, or "sum", as in the
+    paper. A file of weights says so in its comment `metric`, or has sums."""
+    views: str = "unknown"
+    """What they were measured from: "all" views that the scene is made for, so that what shows in none is dropped, or
+    "some", so that nothing is."""
+    min_sizes: Optional[npt.ArrayLike] = None
+    """[N] scene units, below which errors of a Gaussian do not count."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -51,43 +70,33 @@ def presets() -> Dict[str, str]:
 
 
 def parameters() -> Dict[str, Record]:
-    """The parameters of encode(): for each its id, description, min, max, per_component and integer."""
-    out = {}
-    for i in range(lib.L4D_ENC_PARAMETER_COUNT):
-        info = struct("parameter_info")
-        check(lib.l4d_encoder_parameter_info(i, info))
-        out[text(info.name)] = Record(record(info), id=i)
+    """The parameters of encode(): for each its description, unit, min, max, initial, max_values (above 1: a list),
+    integer, per_component and stable (0: it may change with each version)."""
+    out: Dict[str, Record] = {}
+    info = struct("parameter_info")
+    while lib.l4d_encoder_parameter_info(len(out), info) == Status.OK:
+        out[text(info.name)] = record(info)
     return out
 
 
 def _set(encoder: Any, name: str, value: Union[float, Sequence[float]]) -> int:
     """Sets a parameter by its name, as `l4dcodec encode --set` does. Returns the status."""
-    name, _, component = name.replace("_", "-").partition(".")
-    if component and component not in COMPONENTS:
-        raise Error(Status.INVALID_ARGUMENT, f"`{component}` is no component: {', '.join(COMPONENTS)}")
-    index = COMPONENTS.get(component, lib.L4D_ALL_COMPONENTS)
-    if name == "tiers":
-        return int(lib.l4d_encoder_set_tiers(encoder, len(value), list(value)))  # type: ignore[arg-type]
-    if name == "stages":
-        return int(lib.l4d_encoder_set_stages(encoder, index, len(value), list(value)))  # type: ignore[arg-type]
-    known = parameters()
-    if name not in known:
-        raise Error(Status.INVALID_ARGUMENT, f"`{name}` is no parameter: tiers, stages, {', '.join(known)}")
-    return int(lib.l4d_encoder_set(encoder, known[name].id, index, float(value)))  # type: ignore[arg-type]
+    key = c_string(name.replace("_", "-"), "a parameter")
+    if isinstance(value, numbers.Real):
+        return int(lib.l4d_encoder_set(encoder, key, float(value)))
+    return int(lib.l4d_encoder_set_list(encoder, key, list(value), len(value)))  # type: ignore[arg-type]
 
 
 def encode(scene: Union[Scene, Path], output: Union[Path, BinaryIO], *, preset: str = "default",
            quality: Optional[float] = None, parameters: Optional[Mapping[str, Any]] = None,
-           weights: Optional[Mapping[str, npt.ArrayLike]] = None, min_sizes: Optional[npt.ArrayLike] = None,
-           metadata: Optional[Mapping[str, str]] = None, first_view: bool = True, seed: int = 0, threads: int = 0,
+           importance: Optional[Importance] = None, metadata: Optional[Mapping[str, str]] = None,
+           first_view: bool = True, seed: int = 0, threads: int = 0,
            progress: Optional[Progress] = None) -> EncodeReport:
     """Encodes a scene, or the scene of a file, to a file or to an object with write(bytes).
 
     preset: one of presets(). quality: fidelity in dB to aim at, 20 to 90, in place of the preset's. parameters: any
-    of parameters(), with a component behind a full stop where they have one ("codebook-size.sh"), and "tiers" and
-    "stages", which are lists. weights: importance, [N] each, by the names of WEIGHTS. min_sizes: [N] scene units,
-    sizes below which errors of a Gaussian do not count. first_view: a scene whose presentation has no camera gets
-    one from where much of it is seen. The file appears when it is complete. It is the same for
+    of parameters(), with a component behind a full stop where they have one ("codebook-size.sh"). importance: estimated where it is not given. first_view: a scene whose presentation
+    has no camera gets one from where much of it is seen. The file appears when it is complete. It is the same for
     any number of threads, and the same as that of `l4dcodec encode`.
 
     progress(done, total, stage) is called between steps. An exception that it raises cancels the encode and is
@@ -101,15 +110,15 @@ def encode(scene: Union[Scene, Path], output: Union[Path, BinaryIO], *, preset: 
     handle = call.handle()
 
     def run(status: int) -> None:
-        call.check(status, lambda: lib.l4d_encoder_error_message(encoder))
+        call.check(status)
 
-    run(lib.l4d_encoder_set_preset(encoder, preset.encode()))
+    run(lib.l4d_encoder_set_preset(encoder, c_string(preset, "a preset")))
     if quality is not None:
         run(_set(encoder, "quality", quality))
     for name, value in (parameters or {}).items():
         run(_set(encoder, name, value))
     for key, text_ in (metadata or {}).items():
-        run(lib.l4d_encoder_add_metadata(encoder, key.encode(), text_.encode()))
+        run(lib.l4d_encoder_add_metadata(encoder, c_string(key, "metadata"), c_string(text_, "metadata")))
     parts, kept = parts_of(scene)
     if first_view and not parts.presentation.has_camera:
         check(lib.l4dpy_state_first_view(parts))
@@ -117,14 +126,8 @@ def encode(scene: Union[Scene, Path], output: Union[Path, BinaryIO], *, preset: 
                                   ffi.addressof(parts, "placement")))
     run(lib.l4d_encoder_set_rendering(encoder, ffi.addressof(parts, "rendering")))
     run(lib.l4d_encoder_set_presentation(encoder, ffi.addressof(parts, "presentation")))
-    for name, numbers in (weights or {}).items():
-        if name not in WEIGHTS:
-            raise Error(Status.INVALID_ARGUMENT, f"`{name}` is no weight: {', '.join(WEIGHTS)}")
-        kept["weight " + name] = array = np.ascontiguousarray(numbers, np.float32)
-        run(lib.l4d_encoder_set_weights(encoder, WEIGHTS.index(name), pointer(array), array.size))
-    if min_sizes is not None:
-        kept["min sizes"] = array = np.ascontiguousarray(min_sizes, np.float32)
-        run(lib.l4d_encoder_set_min_sizes(encoder, pointer(array), array.size))
+    if importance is not None:
+        run(lib.l4d_encoder_set_importance(encoder, _importance(importance, parts.gaussians.count, kept)))
     run(lib.l4d_encoder_set_progress(encoder, lib.l4dpy_progress, handle))
     if call.write is None:
         run(lib.l4d_encoder_encode_file(encoder, path_bytes(output)))  # type: ignore[arg-type]
@@ -133,13 +136,33 @@ def encode(scene: Union[Scene, Path], output: Union[Path, BinaryIO], *, preset: 
     return _report(encoder, run)
 
 
+def _index(name: str, names: Sequence[str], what: str) -> int:
+    if name not in names:
+        raise Error(Status.INVALID_ARGUMENT, f"`{name}` is no {what}: {', '.join(names)}")
+    return names.index(name)
+
+
+def _importance(importance: Importance, count: int, kept: Dict[str, Any]) -> Any:
+    """As the library takes it. kept: gets the arrays, which it borrows."""
+    out = struct("importance", count=count, metric=_index(importance.metric, METRICS, "metric"),
+                 views=_index(importance.views, VIEWS, "choice of views"))
+
+    def floats_of(name: str, values: npt.ArrayLike) -> Any:
+        kept[name] = array_of(name, values, (count,), np.float32)
+        return pointer(kept[name])
+
+    for name, values in importance.weights.items():
+        out.weights[_index(name, WEIGHTS, "weight")] = floats_of(name, values)
+    if importance.min_sizes is not None:
+        out.min_sizes = floats_of("min_sizes", importance.min_sizes)
+    return out
+
+
 def _report(encoder: Any, run: Any) -> EncodeReport:
     report = struct("encode_report")
     run(lib.l4d_encoder_get_report(encoder, report))
     order = np.empty(report.coded_gaussians, np.uint32)
     run(lib.l4d_encoder_get_order(encoder, pointer(order, "uint32_t*"), order.size))
-    steps, name, seconds = [], ffi.new("const char**"), ffi.new("double*")
-    for i in range(report.num_steps):
-        run(lib.l4d_encoder_get_step(encoder, i, name, seconds))
-        steps.append((text(name[0]), seconds[0]))
+    steps = [(text(step.name), step.seconds) for step in report.steps[0:report.num_steps]]
+    report.steps = ffi.NULL
     return EncodeReport(report.file_bytes, report.raw_bytes, report.total_seconds, order, tuple(steps), record(report))

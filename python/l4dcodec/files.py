@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whole files: their rules, the distance between two, and parts of them."""
 
-import concurrent.futures
 import dataclasses
 import math
 from typing import Any, Dict, List, Mapping, Optional, Union
@@ -9,7 +8,8 @@ from typing import Any, Dict, List, Mapping, Optional, Union
 import numpy as np
 import numpy.typing as npt
 
-from .core import (Call, Progress, Source, Violation, c_reader, check, ffi, lib, pointer, reader_of, struct, text)
+from .core import (Call, Progress, Source, Violation, array_of, c_reader, check, ffi, interruptible, lib, pointer, reader_of,
+                   struct, text)
 from .scene import Scene, native_of
 
 
@@ -61,21 +61,14 @@ def compare(a: Union[Scene, Source], b: Union[Scene, Source], *, order: Optional
     `b`, a stream, states how far it is from its original.
     """
     first, second = native_of(a), native_of(b)
-    indices = None if order is None else np.ascontiguousarray(order, np.uint32)
+    indices = None if order is None else array_of("order", order, (np.size(order),), np.uint32)
     out, cancel = ffi.new("l4dpy_comparison*"), ffi.new("int32_t*")
 
     def run() -> None:
         check(lib.l4dpy_compare(first, second, pointer(indices, "uint32_t*"), 0 if indices is None else indices.size,
                                 threads, cancel, out))
 
-    # This thread waits, so that it hears Ctrl-C.
-    with concurrent.futures.ThreadPoolExecutor(1) as pool:
-        future = pool.submit(run)
-        try:
-            future.result()
-        except BaseException:
-            cancel[0] = 1
-            raise
+    interruptible(run, cancel)
     errors: Dict[str, ErrorStatistics] = {}
     for e in out.errors[0:out.num_errors]:
         errors[text(e.name)] = ErrorStatistics(text(e.meaning), e.max, e.rmse, e.p999)

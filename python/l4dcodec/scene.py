@@ -2,16 +2,17 @@
 """Scenes of 4D Gaussians, splats of an instant, and the files of other programs."""
 
 import dataclasses
+import io
 import os
 import warnings
 from fractions import Fraction
-from typing import Any, List, Mapping, Optional, Union
+from typing import Any, List, Mapping, Optional, Sequence, Union
 
 import numpy as np
 import numpy.typing as npt
 
-from .core import (Call, Error, Floats, Path, Record, Source, Status, borrow, c_reader, check, ffi, lib, path_bytes,
-                   pointer, reader_of, record, set_fields, struct, text)
+from .core import (Call, Error, Floats, Path, Record, Source, Status, array_of, borrow, c_reader, c_string, check,
+                   ffi, interruptible, lib, path_bytes, pointer, reader_of, record, set_fields, struct, text)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,7 +66,8 @@ class Scene:
     placement: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     """origin [3], scale: world = origin + scale * position; coordinate_system, color_space."""
     rendering: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    """How the scene asks to be drawn: the fields of l4d_rendering."""
+    """How the scene asks to be drawn: the fields of l4d_rendering. Those that are left out are as in 3D Gaussian
+    splatting."""
     presentation: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     """How it asks to be shown: the fields of l4d_presentation."""
     source: str = "python"
@@ -83,12 +85,51 @@ class Scene:
     @property
     def sh_degree(self) -> int:
         """D, or -1 if `sh` has not the shape of any."""
-        shape = np.shape(self.sh)
-        return {1: 0, 4: 1, 9: 2, 16: 3}.get(shape[1], -1) if len(shape) == 3 else -1
+        return _degree(self.sh)
 
-    def write(self, path: Path, format: str = "l4d") -> None:
-        """Writes a PLY. format: "l4d", with all attributes; "ftgs", as FreeTimeGS has it, converted."""
-        check(lib.l4dpy_write_ply(_native_of(self), format.encode(), path_bytes(path)))
+    @property
+    def is_static(self) -> bool:
+        """Whether the Gaussians stay as they are for the whole sequence."""
+        log_scale, rotor = np.asarray(self.log_scale), np.asarray(self.rotor)
+        lasting = np.exp(log_scale[:, 3].astype(np.float64)) >= 8 * self.timeline.duration
+        return self.window is None and bool(lasting.all()) and not rotor[:, 4:].any()
+
+    def write(self, path: Path, format: Optional[str] = None, *, time: Optional[float] = None) -> List[str]:
+        """Writes the scene in the format that the name says, as `l4dcodec convert` does: .l4d; .ply, with all
+        attributes; .ftgs.ply, as FreeTimeGS has it; .4dgs; .safetensors, raw arrays; and what shows the instant `time`, in seconds: .spz, .sog,
+        .glb, .usda, and .ply (3DGS). A static scene needs no `time`. format: "l4d", "ftgs", "4dgs" or
+        "raw", for a file of any name.
+
+        Returns what the file does not have of the scene, a sentence each.
+        """
+        name = os.fspath(path).lower()
+        if format is None and name.endswith(".compressed.ply"):
+            raise Error(Status.INVALID_ARGUMENT, f"{path}: compressed PLYs are read and not written")
+        if format is None and time is None and name.endswith(".l4d"):
+            from .encoder import encode  # which imports this module
+            encode(self, path)
+            return []
+        if format is None:
+            endings = {".ftgs.ply": "ftgs", ".4dgs": "4dgs", ".safetensors": "raw"}
+            format = next((endings[end] for end in endings if name.endswith(end)), None)
+        if format is None and name.endswith(".ply") and time is None and not self.is_static:
+            format = "l4d"
+        if format is not None:
+            if time is not None:
+                raise Error(Status.INVALID_ARGUMENT, f"{path}: `time` is for files of one instant")
+            notes = ffi.new("char[]", 4096)
+            check(lib.l4dpy_write_scene(_native_of(self), c_string(format, "a format"), path_bytes(path), notes, len(notes)))
+            return text(notes).splitlines()
+        if time is None and not self.is_static:
+            raise Error(Status.INVALID_ARGUMENT, f"{path}: the scene changes over time and the file shows one instant: "
+                        "`time` says which")
+        from .decoder import open as open_stream
+        from .encoder import encode
+        stream = io.BytesIO()
+        encode(self, stream, preset="lossless", first_view=False)
+        middle = self.timeline.time_begin + self.timeline.duration / 2
+        with open_stream(stream.getvalue()) as decoder:
+            return decoder.slice(middle if time is None else time, axes=False).write(path)
 
 
 @dataclasses.dataclass(eq=False)
@@ -114,6 +155,10 @@ class Splats:
     """[M, 3] red, green, blue, as seen from the camera_position of the slice."""
     ids: Optional[npt.NDArray[Any]] = None
     """[M] layer, bucket, index: names of Gaussians that are the same in all slices of a stream."""
+    placement: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    """Those of the stream, as a Scene has them, for formats that have a place for them; so the next two."""
+    rendering: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    presentation: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.opacities)
@@ -128,54 +173,100 @@ class Splats:
             raise ValueError("the slice was made without covariances")
         return np.ascontiguousarray(self.covariance[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]).reshape(-1, 3, 3)
 
-    def write(self, path: Path) -> None:
-        """Writes a 3DGS PLY, as `l4dcodec slice` does. It needs covariance and sh."""
+    def write(self, path: Path) -> List[str]:
+        """Writes the splats in the format that the name says: .ply (3DGS), .spz, .sog, .glb or .usda, as `l4dcodec
+        slice` does. It needs covariance and sh. Returns what the file does not have of them, a sentence each."""
         if self.covariance is None or self.sh is None:
             raise ValueError("the slice was made without covariances or without sh")
-        arrays = [np.ascontiguousarray(a, np.float32)
-                  for a in (self.means, self.covariance, self.opacities, self.sh)]
-        c = struct("splat_buffers", capacity=len(self), count=len(self))
+        n, degree = len(self), degree_of(self.sh)
+        shapes = {"means": (n, 3), "covariance": (n, 6), "opacities": (n,), "sh": shape_of("sh", n, degree)}
+        arrays = [array_of(name, getattr(self, name), shape, np.float32) for name, shape in shapes.items()]
+        c = struct("splat_buffers", capacity=n, count=n)
         c.position, c.covariance, c.opacity, c.sh = [pointer(a) for a in arrays]
-        degree = int(round(arrays[3].shape[1] ** 0.5)) - 1
-        check(lib.l4dpy_write_splats(c, degree, path_bytes(path)))
+        extension, notes = os.path.splitext(os.fspath(path))[1].lower(), ffi.new("char[]", 4096)
+        check(lib.l4dpy_write_splats(c, degree, _stated(self), c_string(extension, "a path"), path_bytes(path), notes, len(notes)))
+        return text(notes).splitlines()
 
 
-def read(source: Source, *, seconds: float = 0, fps: float = 0) -> Scene:
-    """Reads all of a scene: a PLY of any kind that the tool reads (docs/formats.md), or a stream.
+def read(source: Source, *, seconds: float = 0, fps: float = 0, activated: bool = False) -> Scene:
+    """Reads all of a scene: a file of any format that the tool reads (docs/formats.md), or a stream.
 
-    seconds, fps: the timeline of a PLY that states none; 1 second and 30 frames a second unless given. What the
-    import approximates is a warning, and in Scene.notes.
+    seconds, fps: the timeline of a file that states none; 1 second and 30 frames a second unless given. activated:
+    a PLY has opacities of 0 to 1 and lengths in the columns for logits and logarithms. What the import approximates
+    is a warning, and in Scene.notes.
     """
-    scene = _scene_of(native_of(source, seconds, fps))
+    scene = _scene_of(native_of(source, seconds, fps, activated))
     for note in scene.notes:
         warnings.warn(f"{source!r}: {note}", stacklevel=2)
     return scene
 
 
+def read_frames(paths: Sequence[Path], *, fps: float = 30, match: str = "auto", threads: int = 0,
+                **errors: float) -> Scene:
+    """Reads frames, each a file with a static scene, as one scene that shows frame k at k / fps seconds.
+
+    match: which Gaussians of one frame are those of the next: "order" of rows, "content", "none", or "auto".
+    errors: how far a Gaussian may be from that of a frame: position (of its size), scale (natural logarithm),
+    rotation (degrees), color and opacity, as the option --sequence-error of the tool has them.
+    """
+    names = ("position", "scale", "rotation", "color", "opacity")
+    matches = ("auto", "order", "content", "none")
+    if match not in matches or not set(errors) <= set(names):
+        raise Error(Status.INVALID_ARGUMENT, f"`match` is one of {', '.join(matches)}, and errors are {', '.join(names)}")
+    names_of_files = [path_bytes(path) for path in paths]
+    if any(b"\n" in name for name in names_of_files):
+        raise Error(Status.INVALID_ARGUMENT, "a path of a frame holds the end of a line")
+    lines = b"\n".join(names_of_files)
+    limits = ffi.new("double[]", [errors.get(name, -1) for name in names])
+    out, cancel = ffi.new("l4dpy_scene**"), ffi.new("int32_t*")
+    interruptible(lambda: check(lib.l4dpy_read_frames(lines, fps, matches.index(match), limits, threads, cancel, out)),
+                  cancel)
+    return _scene_of(ffi.gc(out[0], lib.l4dpy_destroy))
+
+
 # ---- between these and C ---------------------------------------------------------------------------------
 
+# The numbers of l4d_rendering if a scene states none.
+SPLATTING = {"dilation": 0.3, "min_alpha": 1 / 255, "max_alpha": 0.999}
 ATTRIBUTES = {"position": (3,), "mean_t": (), "log_scale": (4,), "rotor": (8,), "opacity": (), "sh": (0, 3)}
 """The shape of each, after [N]; 0 is (D + 1)^2."""
+
+
+def _degree(sh: Any) -> int:
+    shape = np.shape(sh)
+    return {1: 0, 4: 1, 9: 2, 16: 3}.get(shape[1], -1) if len(shape) == 3 and shape[2] == 3 else -1
+
+
+def degree_of(sh: Any) -> int:
+    """The degree of spherical harmonics [N, C, 3]. Raises Error if C is that of none."""
+    degree = _degree(sh)
+    if degree < 0:
+        raise Error(Status.INVALID_ARGUMENT, f"`sh` has the shape {list(np.shape(sh))}, "
+                    "not [N, C, 3] with 1, 4, 9 or 16 coefficients C")
+    return degree
 
 
 def shape_of(name: str, count: int, sh_degree: int) -> Any:
     return (count, *[n or (sh_degree + 1) ** 2 for n in ATTRIBUTES[name]])
 
 
-def native_of(source: Union[Scene, Source], seconds: float = 0, fps: float = 0) -> Any:
+def native_of(source: Union[Scene, Source], seconds: float = 0, fps: float = 0, activated: bool = False) -> Any:
     """An l4dpy_scene, which is destroyed with what this returns."""
     if isinstance(source, Scene):
         return _native_of(source)
     out = ffi.new("l4dpy_scene**")
     call = Call(reader=reader_of(source))
     assert call.reader is not None
-    if bytes(call.reader.read_at(0, 3)) != b"ply":
+    path, is_file = path_bytes(source) if isinstance(source, (str, os.PathLike)) else b"", ffi.new("int32_t*")
+    if path:
+        check(lib.l4dpy_is_scene_file(path, is_file))
+    elif bytes(call.reader.read_at(0, 3)) == b"ply":
+        raise Error(Status.INVALID_ARGUMENT, "a PLY is read by its path only")
+    if is_file[0]:
+        check(lib.l4dpy_read_file(path, seconds, fps, int(activated), out))
+    else:
         handle = call.handle()
         call.check(lib.l4dpy_read_stream(c_reader(call, handle), out))
-    elif isinstance(source, (str, os.PathLike)):
-        check(lib.l4dpy_read_ply(path_bytes(source), seconds, fps, out))
-    else:
-        raise Error(Status.INVALID_ARGUMENT, "a PLY is read by its path only")
     return ffi.gc(out[0], lib.l4dpy_destroy)
 
 
@@ -202,36 +293,43 @@ def flags_of(flags: int) -> Any:
 
 def parts_of(scene: Scene) -> Any:
     """The l4dpy_parts of a scene, and what it borrows, as a pair. Raises Error if an array has another shape."""
-    n, degree, kept = len(scene.opacity), scene.sh_degree, {}
-    if degree < 0:
-        raise Error(Status.INVALID_ARGUMENT, f"`sh` has the shape {list(np.shape(scene.sh))}; {n} Gaussians need "
-                    f"[{n}, C, 3] with 1, 4, 9 or 16 coefficients C")
+    n, degree, kept = len(scene.opacity), degree_of(scene.sh), {}
     for name in ATTRIBUTES:
         given = np.asarray(getattr(scene, name))
-        double = name == "mean_t" and given.dtype == np.float64
-        kept[name] = np.ascontiguousarray(given, np.float64 if double else np.float32)
-        if given.shape != shape_of(name, n, degree):
-            raise Error(Status.INVALID_ARGUMENT, f"`{name}` has the shape {list(given.shape)}; {n} Gaussians need "
-                        f"{list(shape_of(name, n, degree))}")
-    parts = ffi.new("l4dpy_parts*")
-    for name in ("gaussians", "rendering", "presentation"):
-        getattr(lib, f"l4d_{name}_init_")(ffi.addressof(parts, name), ffi.sizeof(getattr(parts, name)))
+        # float32 does not hold what is of more than 4 bytes, nor integers of 4.
+        wide = given.dtype.itemsize > 4 or (given.dtype.kind in "iu" and given.dtype.itemsize == 4)
+        double = name in ("mean_t", "position") and wide
+        kept[name] = array_of(name, given, shape_of(name, n, degree), np.float64 if double else np.float32)
+    parts = _stated(scene)
     g = parts.gaussians
     g.count, g.sh_degree = n, degree
     g.flags = ((lib.L4D_POSITION_AT_MEAN_TIME if scene.position_at_mean_time else 0)
                | (lib.L4D_OPACITY_LOGIT if scene.opacity_logit else 0))
+    if kept["position"].dtype == np.float64:
+        # As the tool does with map coordinates: less an origin, which goes to the placement.
+        exact, kept["position"] = kept["position"], np.empty((n, 3), np.float32)
+        lib.l4dpy_subtract_origin(pointer(exact, "double*"), n, ffi.addressof(parts, "placement"),
+                                  pointer(kept["position"]))
     for name, array in kept.items():
         double = array.dtype == np.float64
         setattr(g, name + ("_double" if double else ""), pointer(array, "double*" if double else "float*"))
     if scene.window is not None:
-        kept["window"] = np.ascontiguousarray(scene.window, np.uint32)
+        kept["window"] = array_of("window", scene.window, (n, 2), np.uint32)
         g.window = pointer(kept["window"], "uint32_t*")
-    parts.placement.scale = 1
     scene.timeline.to_c(parts.timeline)
-    set_fields(parts.placement, scene.placement)
-    set_fields(parts.rendering, scene.rendering)
-    set_fields(parts.presentation, scene.presentation)
     return parts, kept
+
+
+def _stated(of: Union[Scene, Splats]) -> Any:
+    """An l4dpy_parts with the placement, rendering and presentation of a scene or of splats."""
+    parts = ffi.new("l4dpy_parts*")
+    for name in ("gaussians", "rendering", "presentation"):
+        getattr(parts, name).struct_size = ffi.sizeof(getattr(parts, name))
+    parts.placement.scale = 1
+    set_fields(parts.placement, of.placement)
+    set_fields(parts.rendering, {**SPLATTING, **of.rendering})
+    set_fields(parts.presentation, of.presentation)
+    return parts
 
 
 def _native_of(scene: Scene) -> Any:

@@ -4,69 +4,70 @@
 #include <cmath>
 #include <memory>
 
-#include "l4d/cuda_player.h"
+#include "l4d/experimental/cuda_player.h"
 #include "libl4dcodec/base/c_api.h"
 #include "render/api/first_versions.h"
+#include "render/api/read_camera.h"
+#include "render/cuda/player/bucket_feed.h"
 #include "render/cuda/player/device_player.h"
 #include "render/view/camera.h"
 
 using l4d::Status;
 using l4d::api::call_on;
-using l4d::api::ErrorMessage;
+using l4d::api::fail_without_handle;
 using l4d::api::guard;
-using l4d::api::init_struct;
 using l4d::api::keep_last;
-using l4d::api::look_at;
 using l4d::api::optional;
+using l4d::api::read_camera;
 using l4d::api::read_struct;
 using l4d::api::required;
 using l4d::api::write_struct;
-using l4d::render::default_camera;
+using l4d::render::BucketFeed;
 
 struct l4d_cuda_player {
   std::unique_ptr<l4d::render::DevicePlayer> player;
   mutable l4d::api::Busy busy;
-  ErrorMessage error;
 };
 
 namespace {
-
-l4d_cuda_player_options default_options() {
-  l4d_cuda_player_options options{};
-  options.sh_format = L4D_CUDA_SH_FLOAT16;
-  options.max_level = UINT32_MAX;
-  options.max_tier = UINT32_MAX;
-  options.read_ahead = 1;
-  return options;
-}
 
 template <typename Body>
 l4d_status call(l4d_cuda_player* handle, const char* bad, const Body& body) {
   return call_on(handle, bad, [&] { return body(*handle->player); });
 }
 
+// Calls that are allowed while another one runs. The engine keeps its failures for last_error.
+template <typename Body>
+l4d_status call_beside(const l4d_cuda_player* handle, const char* bad, const Body& body) {
+  if (handle == nullptr) return fail_without_handle();
+  l4d_status status = L4D_OK;
+  const Status failure = guard([&]() -> Status {
+    if (bad != nullptr) return l4d::invalid_argument(bad);
+    status = body(handle->player->feed());
+    return {};
+  });
+  return failure.ok() ? status : keep_last(failure);
+}
+
 }  // namespace
 
-void l4d_cuda_player_options_init_(l4d_cuda_player_options* options, size_t struct_size) {
-  init_struct(options, struct_size, default_options());
-}
-void l4d_cuda_player_counters_init_(l4d_cuda_player_counters* counters, size_t struct_size) {
-  init_struct(counters, struct_size, l4d_cuda_player_counters{});
-}
-
-l4d_status l4d_cuda_player_create(l4d_decoder* decoder, const l4d_cuda_player_options* options,
-                                  l4d_cuda_player** out) {
+l4d_status l4d_cuda_player_create(const l4d_cuda_player_options* options, l4d_cuda_player** out) {
   return keep_last(guard([&]() -> Status {
-    if (const char* bad = required(decoder, out)) return l4d::invalid_argument(bad);
-    if (const char* bad = optional(options)) return l4d::invalid_argument(bad);
-    const l4d_cuda_player_options o =
-        options == nullptr ? default_options() : read_struct(*options, default_options());
-    if (o.sh_format > L4D_CUDA_SH_FLOAT16 || o.device > 4096 || o.detail > L4D_DETAIL_BASE_COLOR ||
-        o.read_ahead > 1 || !(o.window >= 0 && std::isfinite(o.window))) {
+    if (const char* bad = required(options)) return l4d::invalid_argument(bad);
+    if (const char* bad = required(out)) return l4d::invalid_argument(bad);
+    *out = nullptr;
+    const l4d_cuda_player_options o = read_struct(*options);
+    if (const char* bad = optional(o.reader)) return l4d::invalid_argument(bad);
+    if (const char* bad = optional(o.playback)) return l4d::invalid_argument(bad);
+    if ((o.reader == nullptr) == (o.uri == nullptr)) {
+      return l4d::invalid_argument("a player plays either a reader or a uri");
+    }
+    if (o.sh_float32 > 1 || o.device > 4096 || o.point.detail > L4D_DETAIL_BASE_COLOR ||
+        o.no_read_ahead > 1 || o.automatic > 1 || o.no_wait > 1) {
       return l4d::invalid_argument("an option of the player is out of range");
     }
     auto handle = std::make_unique<l4d_cuda_player>();
-    L4D_RETURN_IF_ERROR(l4d::render::make_device_player(decoder, o, &handle->player));
+    L4D_RETURN_IF_ERROR(l4d::render::make_device_player(o, &handle->player));
     *out = handle.release();
     return {};
   }));
@@ -74,10 +75,6 @@ l4d_status l4d_cuda_player_create(l4d_decoder* decoder, const l4d_cuda_player_op
 void l4d_cuda_player_destroy(l4d_cuda_player* player) {
   if (l4d::api::may_destroy(player)) delete player;
 }
-const char* l4d_cuda_player_error_message(const l4d_cuda_player* player) {
-  return player == nullptr ? "" : player->error.c_str();
-}
-
 l4d_status l4d_cuda_player_reserve(l4d_cuda_player* player, uint32_t width, uint32_t height,
                                    uint64_t instances) {
   return call(player, nullptr, [&](auto& p) -> Status {
@@ -94,10 +91,10 @@ l4d_status l4d_cuda_player_seek(l4d_cuda_player* player, double time) {
 l4d_status l4d_cuda_player_render(l4d_cuda_player* player, double time, const l4d_camera* camera,
                                   const l4d_cuda_image* image, void* stream) {
   return call(player, required(camera, image), [&](auto& p) -> Status {
-    const l4d_camera c = read_struct(*camera, default_camera());
+    const l4d_camera c = read_camera(*camera);
     L4D_RETURN_IF_ERROR(l4d::render::check_camera(c));
     if (std::isnan(time)) return l4d::invalid_argument("the time is not a number");
-    const l4d_cuda_image i = read_struct(*image, l4d_cuda_image{});
+    const l4d_cuda_image i = read_struct(*image);
     L4D_RETURN_IF_ERROR(l4d::render::check_background(i.background));
     return p.render(time, c, i.background, {i.rgb, i.alpha, i.rgba8}, stream);
   });
@@ -114,8 +111,40 @@ l4d_status l4d_cuda_player_get_stats(l4d_cuda_player* player, void* stream,
 }
 l4d_status l4d_cuda_player_get_counters(const l4d_cuda_player* player,
                                         l4d_cuda_player_counters* counters) {
-  return look_at(player, required(counters), [&]() -> Status {
+  return call_on(player, required(counters), [&]() -> Status {
     write_struct(player->player->counters(), counters);
     return {};
+  });
+}
+
+// ---- link: beside other calls ------------------------------------------------------------------
+
+l4d_status l4d_cuda_player_take(l4d_cuda_player* player, l4d_playback_item* items,
+                                uint32_t capacity, uint32_t* count) {
+  const char* bad = required(count);
+  if (bad == nullptr && capacity > 0) bad = required(items);
+  return call_beside(player, bad, [&](BucketFeed& feed) {
+    *count = feed.take(items, capacity);
+    return L4D_OK;
+  });
+}
+l4d_status l4d_cuda_player_answered(l4d_cuda_player* player, uint32_t id,
+                                    const l4d_answer* answer) {
+  return call_beside(player, nullptr, [&](BucketFeed& f) { return f.answered(id, answer); });
+}
+l4d_status l4d_cuda_player_received(l4d_cuda_player* player, uint32_t id, const void* data,
+                                    size_t n) {
+  return call_beside(player, nullptr, [&](BucketFeed& f) { return f.received(id, data, n); });
+}
+l4d_status l4d_cuda_player_finished(l4d_cuda_player* player, uint32_t id, uint32_t outcome) {
+  return call_beside(player, nullptr, [&](BucketFeed& f) { return f.finished(id, outcome); });
+}
+l4d_status l4d_cuda_player_set_rate(l4d_cuda_player* player, double rate) {
+  return call_beside(player, nullptr, [&](BucketFeed& f) { return f.set_rate(rate); });
+}
+l4d_status l4d_cuda_player_get_state(const l4d_cuda_player* player, l4d_playback_state* state) {
+  return call_beside(player, required(state), [&](BucketFeed& feed) {
+    write_struct(feed.state(), state);
+    return L4D_OK;
   });
 }

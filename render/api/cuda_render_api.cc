@@ -6,31 +6,31 @@
 #include <memory>
 #include <vector>
 
-#include "l4d/cuda_render.h"
+#include "l4d/experimental/cuda_render.h"
+#include "l4d/experimental/packed.h"
 #include "libl4dcodec/base/c_api.h"
 #include "libl4dcodec/scene/layers.h"
 #include "libl4dcodec/scene/prepare.h"
 #include "render/api/first_versions.h"
+#include "render/api/read_camera.h"
 #include "render/cuda/scene/device_renderer.h"
 #include "render/view/camera.h"
 
 using l4d::Status;
 using l4d::api::call_on;
-using l4d::api::ErrorMessage;
 using l4d::api::guard;
-using l4d::api::init_struct;
 using l4d::api::keep_last;
 using l4d::api::optional;
 using l4d::api::read_array;
+using l4d::api::read_camera;
+using l4d::api::read_optional;
 using l4d::api::read_struct;
 using l4d::api::required;
 using l4d::api::write_struct;
-using l4d::render::default_camera;
 
 struct l4d_cuda_renderer {
   std::unique_ptr<l4d::render::DeviceRenderer> renderer;
   mutable l4d::api::Busy busy;
-  ErrorMessage error;
 };
 
 namespace {
@@ -51,39 +51,18 @@ Status check_gaussians(const l4d_gaussians& g, bool indexed) {
   if (g.count > 0 && !l4d::has_all_arrays(g, !indexed)) {
     return l4d::invalid_argument("an attribute array is NULL");
   }
-  if (g.window != nullptr) {
-    return Status(L4D_ERR_FEATURE_UNSUPPORTED, "flat windows, which a device does not slice");
-  }
   if (indexed && g.sh != nullptr) return l4d::invalid_argument("sh is given beside indices");
   return {};
 }
 
 }  // namespace
 
-void l4d_cuda_renderer_options_init_(l4d_cuda_renderer_options* options, size_t struct_size) {
-  init_struct(options, struct_size, l4d_cuda_renderer_options{});
-}
-void l4d_cuda_frame_capacity_init_(l4d_cuda_frame_capacity* capacity, size_t struct_size) {
-  init_struct(capacity, struct_size, l4d_cuda_frame_capacity{});
-}
-void l4d_cuda_image_init_(l4d_cuda_image* image, size_t struct_size) {
-  init_struct(image, struct_size, l4d_cuda_image{});
-}
-void l4d_cuda_sh_indices_init_(l4d_cuda_sh_indices* indices, size_t struct_size) {
-  init_struct(indices, struct_size, l4d_cuda_sh_indices{});
-}
-void l4d_cuda_frame_stats_init_(l4d_cuda_frame_stats* stats, size_t struct_size) {
-  init_struct(stats, struct_size, l4d_cuda_frame_stats{});
-}
-
 l4d_status l4d_cuda_renderer_create(const l4d_cuda_renderer_options* options,
                                     l4d_cuda_renderer** out) {
   return keep_last(guard([&]() -> Status {
     if (const char* bad = required(out)) return l4d::invalid_argument(bad);
     if (const char* bad = optional(options)) return l4d::invalid_argument(bad);
-    const l4d_cuda_renderer_options o = options == nullptr
-                                            ? l4d_cuda_renderer_options{}
-                                            : read_struct(*options, l4d_cuda_renderer_options{});
+    const l4d_cuda_renderer_options o = read_optional(options);
     if (o.sh_format > L4D_CUDA_SH_FLOAT16 || o.device > 4096 || o.time_passes > 1) {
       return l4d::invalid_argument("sh_format, device or time_passes is out of range");
     }
@@ -100,21 +79,17 @@ l4d_status l4d_cuda_renderer_create(const l4d_cuda_renderer_options* options,
 void l4d_cuda_renderer_destroy(l4d_cuda_renderer* renderer) {
   if (l4d::api::may_destroy(renderer)) delete renderer;
 }
-const char* l4d_cuda_renderer_error_message(const l4d_cuda_renderer* renderer) {
-  return renderer == nullptr ? "" : renderer->error.c_str();
-}
-
 l4d_status l4d_cuda_renderer_set_gaussians(l4d_cuda_renderer* renderer,
                                            const l4d_gaussians* gaussians,
                                            const l4d_cuda_sh_indices* indices,
                                            const l4d_timeline* timeline) {
   const char* bad = required(gaussians, timeline);
   return call(renderer, bad != nullptr ? bad : optional(indices), [&](auto& r) -> Status {
-    const l4d_gaussians g = read_struct(*gaussians, l4d_gaussians{});
+    const l4d_gaussians g = read_struct(*gaussians);
     L4D_RETURN_IF_ERROR(check_gaussians(g, indices != nullptr));
     L4D_RETURN_IF_ERROR(check_timeline(*timeline));
     if (indices == nullptr) return r.set_device_gaussians(g, *timeline);
-    return r.set_indexed_gaussians(g, read_struct(*indices, l4d_cuda_sh_indices{}), *timeline);
+    return r.set_indexed_gaussians(g, read_struct(*indices), *timeline);
   });
 }
 l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* renderer,
@@ -122,7 +97,7 @@ l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* renderer,
   return call(renderer, nullptr, [&](auto& r) -> Status {
     if (count > L4D_MAX_STAGES) return l4d::invalid_argument("too many stages");
     std::vector<l4d_codebook> copies;
-    if (const char* bad = read_array(codebooks, count, l4d_codebook{}, &copies)) {
+    if (const char* bad = read_array(codebooks, count, &copies)) {
       return l4d::invalid_argument(bad);
     }
     return r.set_sh_codebooks(copies.data(), count);
@@ -131,7 +106,7 @@ l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* renderer,
 l4d_status l4d_cuda_renderer_reserve(l4d_cuda_renderer* renderer,
                                      const l4d_cuda_frame_capacity* capacity) {
   return call(renderer, required(capacity), [&](auto& r) -> Status {
-    const l4d_cuda_frame_capacity wanted = read_struct(*capacity, l4d_cuda_frame_capacity{});
+    const l4d_cuda_frame_capacity wanted = read_struct(*capacity);
     L4D_RETURN_IF_ERROR(l4d::render::check_image_size(wanted.width, wanted.height));
     return r.reserve(wanted.width, wanted.height, wanted.visible, wanted.instances);
   });
@@ -140,10 +115,10 @@ l4d_status l4d_cuda_renderer_render(l4d_cuda_renderer* renderer, double time,
                                     const l4d_camera* camera, const l4d_cuda_image* image,
                                     void* stream) {
   return call(renderer, required(camera, image), [&](auto& r) -> Status {
-    const l4d_camera c = read_struct(*camera, default_camera());
+    const l4d_camera c = read_camera(*camera);
     L4D_RETURN_IF_ERROR(l4d::render::check_camera(c));
     if (std::isnan(time)) return l4d::invalid_argument("the time is not a number");
-    const l4d_cuda_image i = read_struct(*image, l4d_cuda_image{});
+    const l4d_cuda_image i = read_struct(*image);
     L4D_RETURN_IF_ERROR(l4d::render::check_background(i.background));
     return r.launch(time, c, i.background, {i.rgb, i.alpha, i.rgba8}, stream);
   });

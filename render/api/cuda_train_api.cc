@@ -5,11 +5,12 @@
 #include <memory>
 #include <vector>
 
-#include "l4d/cuda_train.h"
+#include "l4d/experimental/cuda_train.h"
 #include "libl4dcodec/base/c_api.h"
 #include "libl4dcodec/scene/layers.h"
 #include "libl4dcodec/scene/sh.h"
 #include "render/api/first_versions.h"
+#include "render/api/read_camera.h"
 #include "render/cuda/scene/device_live.h"
 #include "render/view/camera.h"
 
@@ -17,20 +18,19 @@ using l4d::invalid_argument;
 using l4d::Status;
 using l4d::api::call_on;
 using l4d::api::guard;
-using l4d::api::init_struct;
 using l4d::api::keep_last;
 using l4d::api::optional;
 using l4d::api::read_array;
+using l4d::api::read_camera;
+using l4d::api::read_optional;
 using l4d::api::read_struct;
 using l4d::api::required;
 using l4d::api::write_struct;
-using l4d::render::default_camera;
 using l4d::render::LiveView;
 
 struct l4d_cuda_live {
   std::unique_ptr<l4d::render::DeviceLive> live;
   mutable l4d::api::Busy busy;
-  l4d::api::ErrorMessage error;
 };
 
 namespace {
@@ -46,9 +46,6 @@ Status check_scene(const l4d_gaussians& g, const l4d_timeline& timeline, uint32_
   if (g.count > 0 && !l4d::has_all_arrays(g, true)) {
     return invalid_argument("an attribute array is NULL");
   }
-  if (g.window != nullptr) {
-    return Status(L4D_ERR_FEATURE_UNSUPPORTED, "flat windows, which a device does not slice");
-  }
   if (!l4d::is_valid(timeline)) return invalid_argument(l4d::kTimelineRule);
   const uint32_t numbers = 3 * l4d::sh_terms(g.sh_degree);
   if (*sh_stride == 0) *sh_stride = (numbers + 3) / 4 * 4;
@@ -63,7 +60,7 @@ Status check_scene(const l4d_gaussians& g, const l4d_timeline& timeline, uint32_
 
 Status read_view(const l4d_cuda_live_view& in, LiveView* out) {
   if (const char* bad = required(in.camera)) return invalid_argument(bad);
-  out->camera = read_struct(*in.camera, default_camera());
+  out->camera = read_camera(*in.camera);
   L4D_RETURN_IF_ERROR(l4d::render::check_camera(out->camera));
   if (std::isnan(in.time)) return invalid_argument("the time is not a number");
   L4D_RETURN_IF_ERROR(l4d::render::check_background(in.background));
@@ -77,29 +74,11 @@ Status read_view(const l4d_cuda_live_view& in, LiveView* out) {
 
 }  // namespace
 
-void l4d_cuda_live_rows_init_(l4d_cuda_live_rows* rows, size_t struct_size) {
-  init_struct(rows, struct_size, l4d_cuda_live_rows{});
-}
-void l4d_cuda_live_view_init_(l4d_cuda_live_view* view, size_t struct_size) {
-  init_struct(view, struct_size, l4d_cuda_live_view{});
-}
-void l4d_cuda_live_loss_init_(l4d_cuda_live_loss* loss, size_t struct_size) {
-  init_struct(loss, struct_size, l4d_cuda_live_loss{});
-}
-void l4d_cuda_live_statistics_init_(l4d_cuda_live_statistics* statistics, size_t struct_size) {
-  init_struct(statistics, struct_size, l4d_cuda_live_statistics{});
-}
-void l4d_cuda_live_report_init_(l4d_cuda_live_report* report, size_t struct_size) {
-  init_struct(report, struct_size, l4d_cuda_live_report{});
-}
-
 l4d_status l4d_cuda_live_create(const l4d_cuda_renderer_options* options, l4d_cuda_live** out) {
   return keep_last(guard([&]() -> Status {
     if (const char* bad = required(out)) return invalid_argument(bad);
     if (const char* bad = optional(options)) return invalid_argument(bad);
-    const l4d_cuda_renderer_options o = options == nullptr
-                                            ? l4d_cuda_renderer_options{}
-                                            : read_struct(*options, l4d_cuda_renderer_options{});
+    const l4d_cuda_renderer_options o = read_optional(options);
     if (o.sh_format != L4D_CUDA_SH_FLOAT32 || o.device > 4096 || o.time_passes > 1) {
       return invalid_argument("sh_format must be FLOAT32, device at most 4096, time_passes 0 or 1");
     }
@@ -113,17 +92,12 @@ l4d_status l4d_cuda_live_create(const l4d_cuda_renderer_options* options, l4d_cu
 void l4d_cuda_live_destroy(l4d_cuda_live* live) {
   if (l4d::api::may_destroy(live)) delete live;
 }
-const char* l4d_cuda_live_error_message(const l4d_cuda_live* live) {
-  return live == nullptr ? "" : live->error.c_str();
-}
-
 l4d_status l4d_cuda_live_set_scene(l4d_cuda_live* live, const l4d_gaussians* gaussians,
                                    const l4d_timeline* timeline, const l4d_cuda_live_rows* rows) {
   const char* bad = required(gaussians, timeline);
   return call(live, bad != nullptr ? bad : optional(rows), [&](auto& l) -> Status {
-    const l4d_gaussians g = read_struct(*gaussians, l4d_gaussians{});
-    l4d_cuda_live_rows r =
-        rows == nullptr ? l4d_cuda_live_rows{} : read_struct(*rows, l4d_cuda_live_rows{});
+    const l4d_gaussians g = read_struct(*gaussians);
+    l4d_cuda_live_rows r = rows == nullptr ? l4d_cuda_live_rows{} : read_struct(*rows);
     L4D_RETURN_IF_ERROR(check_scene(g, *timeline, &r.sh_stride));
     return l.set_scene(g, *timeline, r);
   });
@@ -137,7 +111,7 @@ l4d_status l4d_cuda_live_refresh(l4d_cuda_live* live, void* stream) {
 l4d_status l4d_cuda_live_reserve(l4d_cuda_live* live, const l4d_cuda_frame_capacity* capacity,
                                  uint32_t views) {
   return call(live, required(capacity), [&](auto& l) -> Status {
-    const l4d_cuda_frame_capacity wanted = read_struct(*capacity, l4d_cuda_frame_capacity{});
+    const l4d_cuda_frame_capacity wanted = read_struct(*capacity);
     L4D_RETURN_IF_ERROR(l4d::render::check_image_size(wanted.width, wanted.height));
     if (views == 0 || views > L4D_CUDA_LIVE_MAX_VIEWS) {
       return invalid_argument("views must be between 1 and 16");
@@ -150,7 +124,7 @@ l4d_status l4d_cuda_live_forward(l4d_cuda_live* live, const l4d_cuda_live_view* 
   return call(live, required(views), [&](auto& l) -> Status {
     if (num_views == 0) return invalid_argument("num_views is 0");
     std::vector<l4d_cuda_live_view> given;
-    if (const char* bad = read_array(views, num_views, l4d_cuda_live_view{}, &given)) {
+    if (const char* bad = read_array(views, num_views, &given)) {
       return invalid_argument(bad);
     }
     std::vector<LiveView> checked(given.size());
@@ -166,16 +140,15 @@ l4d_status l4d_cuda_live_backward(l4d_cuda_live* live, const l4d_cuda_live_loss*
   const char* bad = required(losses, gradients);
   return call(live, bad != nullptr ? bad : optional(statistics), [&](auto& l) -> Status {
     std::vector<l4d_cuda_live_loss> given;
-    if (const char* wrong = read_array(losses, num_views, l4d_cuda_live_loss{}, &given)) {
+    if (const char* wrong = read_array(losses, num_views, &given)) {
       return invalid_argument(wrong);
     }
     for (const l4d_cuda_live_loss& loss : given) {
       if (loss.rgb_gradient == nullptr) return invalid_argument("rgb_gradient of a view is NULL");
     }
-    const l4d_cuda_live_statistics s = statistics == nullptr
-                                           ? l4d_cuda_live_statistics{}
-                                           : read_struct(*statistics, l4d_cuda_live_statistics{});
-    return l.backward(given, read_struct(*gradients, l4d_gradients{}), s, stream);
+    const l4d_cuda_live_statistics s =
+        statistics == nullptr ? l4d_cuda_live_statistics{} : read_struct(*statistics);
+    return l.backward(given, read_struct(*gradients), s, stream);
   });
 }
 l4d_status l4d_cuda_live_copy_report(l4d_cuda_live* live, void* stream) {

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The structs of render.h, cuda_render.h, cuda_player.h and cuda_train.h, as their first version
-// had them.
+// The structs of render.h and of experimental/sensitivity.h, cuda_render.h, cuda_player.h and
+// cuda_train.h, as their first version had them.
 #pragma once
 
-#include "l4d/cuda_player.h"
-#include "l4d/cuda_train.h"
+#include "l4d/experimental/cuda_player.h"
+#include "l4d/experimental/cuda_train.h"
+#include "l4d/experimental/sensitivity.h"
 #include "libl4dcodec/base/first_versions.h"
 
 namespace l4d::api {
@@ -25,7 +26,7 @@ L4D_FIRST_VERSION(l4d_cuda_frame_capacity, instances);
 L4D_FIRST_VERSION(l4d_cuda_image, reserved);
 L4D_FIRST_VERSION(l4d_cuda_frame_stats, seconds);
 
-L4D_FIRST_VERSION(l4d_cuda_player_options, max_tier);
+L4D_FIRST_VERSION(l4d_cuda_player_options, reserved);
 L4D_FIRST_VERSION(l4d_cuda_player_counters, scratch_bytes);
 
 L4D_FIRST_VERSION(l4d_cuda_live_rows, overflow);

@@ -16,8 +16,7 @@ Status make_device_live(int, std::unique_ptr<DeviceLive>*) {
                 "this build has no device code: build with L4D_CUDA=ON");
 }
 
-Status make_device_player(l4d_decoder*, const l4d_cuda_player_options&,
-                          std::unique_ptr<DevicePlayer>*) {
+Status make_device_player(const l4d_cuda_player_options&, std::unique_ptr<DevicePlayer>*) {
   return Status(L4D_ERR_FEATURE_UNSUPPORTED,
                 "this build has no device code: build with L4D_CUDA=ON");
 }

@@ -3,10 +3,11 @@
 #include <cmath>
 #include <memory>
 
-#include "l4d/render.h"
+#include "l4d/experimental/sensitivity.h"
 #include "libl4dcodec/base/c_api.h"
 #include "libl4dcodec/scene/rendering.h"
 #include "render/api/first_versions.h"
+#include "render/api/read_camera.h"
 #include "render/importance/measure.h"
 #include "render/importance/sensitivity.h"
 #include "render/renderer.h"
@@ -14,23 +15,20 @@
 
 using l4d::Status;
 using l4d::api::call_on;
-using l4d::api::ErrorMessage;
 using l4d::api::guard;
-using l4d::api::init_struct;
 using l4d::api::keep_last;
-using l4d::api::look_at;
 using l4d::api::optional;
 using l4d::api::read_array;
+using l4d::api::read_camera;
+using l4d::api::read_optional;
 using l4d::api::read_struct;
 using l4d::api::required;
 using l4d::api::write_struct;
-using l4d::render::default_camera;
 
 struct l4d_renderer {
   explicit l4d_renderer(const l4d_renderer_options& options) : renderer(options) {}
   l4d::render::Renderer renderer;
   mutable l4d::api::Busy busy;
-  ErrorMessage error;
 };
 
 struct l4d_sensitivity {
@@ -40,24 +38,7 @@ struct l4d_sensitivity {
 
 namespace {
 
-l4d_renderer_options default_renderer_options() {
-  l4d_renderer_options options{};
-  options.backend = L4D_BACKEND_AUTO;
-  options.exponential = L4D_RENDER_EXP_ACCURATE;
-  return options;
-}
-
-l4d_process_group default_process_group() {
-  l4d_process_group group{};
-  group.count = 1;
-  return group;
-}
-l4d_measure_options default_measure_options() {
-  l4d_measure_options options{};
-  options.agreement = 0.95;
-  options.max_share = 1;
-  return options;
-}
+constexpr double kDefaultAgreement = 0.95;
 
 // Runs body(renderer) for a call on the handle.
 template <typename Body>
@@ -67,41 +48,11 @@ l4d_status call(l4d_renderer* handle, const char* bad, const Body& body) {
 
 }  // namespace
 
-void l4d_renderer_options_init_(l4d_renderer_options* options, size_t struct_size) {
-  init_struct(options, struct_size, default_renderer_options());
-}
-void l4d_camera_init_(l4d_camera* camera, size_t struct_size) {
-  init_struct(camera, struct_size, default_camera());
-}
-void l4d_image_init_(l4d_image* image, size_t struct_size) {
-  init_struct(image, struct_size, l4d_image{});
-}
-void l4d_gradients_init_(l4d_gradients* gradients, size_t struct_size) {
-  init_struct(gradients, struct_size, l4d_gradients{});
-}
-void l4d_sensitivity_options_init_(l4d_sensitivity_options* options, size_t struct_size) {
-  init_struct(options, struct_size, l4d_sensitivity_options{});
-}
-void l4d_measure_options_init_(l4d_measure_options* options, size_t struct_size) {
-  init_struct(options, struct_size, default_measure_options());
-}
-void l4d_process_group_init_(l4d_process_group* group, size_t struct_size) {
-  init_struct(group, struct_size, default_process_group());
-}
-void l4d_measure_report_init_(l4d_measure_report* report, size_t struct_size) {
-  init_struct(report, struct_size, l4d_measure_report{});
-}
-void l4d_render_stats_init_(l4d_render_stats* stats, size_t struct_size) {
-  init_struct(stats, struct_size, l4d_render_stats{});
-}
-
 l4d_status l4d_renderer_create(const l4d_renderer_options* options, l4d_renderer** out) {
   return keep_last(guard([&]() -> Status {
     if (const char* bad = required(out)) return l4d::invalid_argument(bad);
     if (const char* bad = optional(options)) return l4d::invalid_argument(bad);
-    const l4d_renderer_options o = options == nullptr
-                                       ? default_renderer_options()
-                                       : read_struct(*options, default_renderer_options());
+    const l4d_renderer_options o = read_optional(options);
     if (o.backend > L4D_BACKEND_CUDA) return Status(L4D_ERR_FEATURE_UNSUPPORTED, "unknown backend");
     if (o.exponential > L4D_RENDER_EXP_FAST || o.threads > L4D_MAX_THREADS) {
       return l4d::invalid_argument("an option of the renderer is out of range");
@@ -113,22 +64,14 @@ l4d_status l4d_renderer_create(const l4d_renderer_options* options, l4d_renderer
 void l4d_renderer_destroy(l4d_renderer* renderer) {
   if (l4d::api::may_destroy(renderer)) delete renderer;
 }
-const char* l4d_renderer_error_message(const l4d_renderer* renderer) {
-  return renderer == nullptr ? "" : renderer->error.c_str();
-}
-
 l4d_status l4d_renderer_set_gaussians(l4d_renderer* renderer, const l4d_gaussians* gaussians,
                                       const l4d_timeline* timeline) {
-  return call(renderer, required(gaussians, timeline), [&](auto& r) {
-    return r.set_gaussians(read_struct(*gaussians, l4d_gaussians{}), *timeline);
-  });
+  return call(renderer, required(gaussians, timeline),
+              [&](auto& r) { return r.set_gaussians(read_struct(*gaussians), *timeline); });
 }
-l4d_status l4d_renderer_set_decoder(l4d_renderer* renderer, l4d_decoder* decoder) {
-  return call(renderer, required(decoder),
-              [&](auto& r) { return r.set_decoders(&decoder, nullptr, 1); });
-}
-l4d_status l4d_renderer_set_decoders(l4d_renderer* renderer, l4d_decoder* const* decoders,
-                                     const double* shifts, uint32_t count) {
+l4d_status l4d_renderer_set_streams(l4d_renderer* renderer, l4d_decoder* const* decoders,
+                                    const double* shifts, uint32_t count,
+                                    const l4d_operating_point* point) {
   return call(renderer, required(decoders), [&](auto& r) -> Status {
     if (count == 0) return l4d::invalid_argument("count is 0");
     for (uint32_t k = 0; k < count; ++k) {
@@ -137,13 +80,16 @@ l4d_status l4d_renderer_set_decoders(l4d_renderer* renderer, l4d_decoder* const*
         return l4d::invalid_argument("shifts are finite");
       }
     }
-    return r.set_decoders(decoders, shifts, count);
+    const l4d_operating_point all = {};
+    const l4d_operating_point& shown = point == nullptr ? all : *point;
+    if (shown.detail > L4D_DETAIL_BASE_COLOR) return l4d::invalid_argument("unknown detail");
+    return r.set_streams(decoders, shifts, count, shown);
   });
 }
 l4d_status l4d_renderer_set_rendering(l4d_renderer* renderer, const l4d_rendering* rendering) {
   return call(renderer, optional(rendering), [&](l4d::render::Renderer& r) -> Status {
     if (rendering == nullptr) return r.set_rendering(nullptr);
-    const l4d_rendering given = read_struct(*rendering, l4d::default_rendering());
+    const l4d_rendering given = l4d::resolved(read_struct(*rendering));
     return r.set_rendering(&given);
   });
 }
@@ -160,20 +106,19 @@ l4d_status l4d_renderer_set_time(l4d_renderer* renderer, double time) {
 }
 l4d_status l4d_renderer_render(l4d_renderer* renderer, const l4d_camera* camera,
                                const l4d_image* image) {
-  return call(renderer, required(camera, image), [&](auto& r) {
-    return r.render(read_struct(*camera, default_camera()), read_struct(*image, l4d_image{}));
-  });
+  return call(renderer, required(camera, image),
+              [&](auto& r) { return r.render(read_camera(*camera), read_struct(*image)); });
 }
 l4d_status l4d_renderer_backward(l4d_renderer* renderer, const l4d_camera* camera,
                                  const float* rgb_gradient, l4d_gradients* gradients) {
   const char* const bad = required(camera, rgb_gradient, gradients);
   return call(renderer, bad, [&](auto& r) {
-    l4d_gradients g = read_struct(*gradients, l4d_gradients{});
-    return r.backward(read_struct(*camera, default_camera()), rgb_gradient, &g);
+    l4d_gradients g = read_struct(*gradients);
+    return r.backward(read_camera(*camera), rgb_gradient, &g);
   });
 }
 l4d_status l4d_renderer_get_stats(const l4d_renderer* renderer, l4d_render_stats* stats) {
-  return look_at(renderer, required(stats), [&]() -> Status {
+  return call_on(renderer, required(stats), [&]() -> Status {
     l4d_render_stats s{};
     renderer->renderer.stats(&s);
     write_struct(s, stats);
@@ -186,9 +131,7 @@ l4d_status l4d_sensitivity_create(const l4d_sensitivity_options* options, uint64
   return keep_last(guard([&]() -> Status {
     if (const char* bad = required(out)) return l4d::invalid_argument(bad);
     if (const char* bad = optional(options)) return l4d::invalid_argument(bad);
-    const l4d_sensitivity_options o = options == nullptr
-                                          ? l4d_sensitivity_options{}
-                                          : read_struct(*options, l4d_sensitivity_options{});
+    const l4d_sensitivity_options o = read_optional(options);
     if (sh_degree > 3 || count > UINT32_MAX || o.metric > L4D_SENSITIVITY_GAUSS_NEWTON) {
       return l4d::invalid_argument("sh_degree, count or metric is out of range");
     }
@@ -200,15 +143,8 @@ void l4d_sensitivity_destroy(l4d_sensitivity* sensitivity) { delete sensitivity;
 l4d_status l4d_sensitivity_add_view(l4d_sensitivity* sensitivity, l4d_renderer* renderer,
                                     const l4d_camera* camera, int visibility_only) {
   return call(renderer, required(sensitivity, camera), [&](auto& r) {
-    return sensitivity->sensitivity.add_view(r, read_struct(*camera, default_camera()),
-                                             visibility_only != 0);
+    return sensitivity->sensitivity.add_view(r, read_camera(*camera), visibility_only != 0);
   });
-}
-l4d_status l4d_sensitivity_merge(l4d_sensitivity* sensitivity, const l4d_sensitivity* other) {
-  return keep_last(guard([&]() -> Status {
-    if (const char* bad = required(sensitivity, other)) return l4d::invalid_argument(bad);
-    return sensitivity->sensitivity.merge(other->sensitivity);
-  }));
 }
 l4d_status l4d_sensitivity_get_weights(const l4d_sensitivity* sensitivity, uint32_t which,
                                        float* out, uint64_t count) {
@@ -223,9 +159,9 @@ l4d_status l4d_sensitivity_get_weights(const l4d_sensitivity* sensitivity, uint3
 
 l4d_status l4d_measure_importance(l4d_renderer* renderer, const l4d_camera* cameras,
                                   uint32_t num_cameras, const l4d_view* views, uint64_t num_views,
-                                  const l4d_measure_options* options, l4d_progress_fn progress,
-                                  void* user, l4d_measure_report* report, l4d_sensitivity** out) {
-  const char* bad = required(views, out);
+                                  const l4d_measure_options* options, float* const* weights,
+                                  uint64_t count, l4d_measure_report* report) {
+  const char* bad = required(views, weights);
   if (bad == nullptr && cameras == nullptr) bad = "a required pointer is NULL";
   if (bad == nullptr) bad = optional(options);
   if (bad == nullptr) bad = optional(report);
@@ -233,31 +169,38 @@ l4d_status l4d_measure_importance(l4d_renderer* renderer, const l4d_camera* came
     bad = optional(options->group);
   }
   return call(renderer, bad, [&](auto& r) -> Status {
-    const l4d_measure_options o = options == nullptr
-                                      ? default_measure_options()
-                                      : read_struct(*options, default_measure_options());
-    if (o.metric > L4D_SENSITIVITY_GAUSS_NEWTON || !(o.max_share > 0) || !(o.agreement >= 0)) {
+    l4d_measure_options o = read_optional(options);
+    if (o.metric > L4D_SENSITIVITY_GAUSS_NEWTON || !(o.max_share >= 0) || !(o.agreement >= 0)) {
       return l4d::invalid_argument("metric or another option is out of range");
     }
-    l4d_measure_options resolved = o;
+    if (o.max_share == 0) o.max_share = 1;
+    if (o.agreement == 0) o.agreement = kDefaultAgreement;
     l4d_process_group group;
     if (o.group != nullptr) {
-      group = read_struct(*o.group, default_process_group());
+      group = read_struct(*o.group);
+      if (group.count == 0) group.count = 1;
       if (group.rank >= group.count || (group.count > 1 && group.sum == nullptr)) {
         return l4d::invalid_argument("a rank must be below their number, and their sum a function");
       }
-      resolved.group = &group;
+      o.group = &group;
     }
     std::vector<l4d_camera> own;
-    if (const char* wrong = read_array(cameras, num_cameras, default_camera(), &own)) {
+    if (const char* wrong = read_array(cameras, num_cameras, &own)) {
       return l4d::invalid_argument(wrong);
+    }
+    for (l4d_camera& camera : own) camera = read_camera(camera);
+    if (r.has_scene() && count != r.scene().count()) {
+      return l4d::invalid_argument("count is not that of the scene");
     }
     l4d_measure_report result{};
     std::unique_ptr<l4d::render::Sensitivity> measured;
-    L4D_RETURN_IF_ERROR(l4d::render::measure(r, own.data(), num_cameras, views,
-                                             static_cast<size_t>(num_views), resolved, progress,
-                                             user, &result, &measured));
-    *out = new l4d_sensitivity(std::move(*measured));
+    L4D_RETURN_IF_ERROR(l4d::render::measure(
+        r, own.data(), num_cameras, views, static_cast<size_t>(num_views), o, &result, &measured));
+    for (uint32_t which = 0; which < L4D_WEIGHT_COUNT; ++which) {
+      if (weights[which] != nullptr) {
+        L4D_RETURN_IF_ERROR(measured->weights(which, weights[which]));
+      }
+    }
     if (report != nullptr) write_struct(result, report);
     return {};
   });

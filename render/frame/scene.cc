@@ -6,17 +6,12 @@
 #include <limits>
 #include <string>
 
+#include "l4d/experimental/columns.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/scene/attributes.h"
 #include "libl4dcodec/scene/prepare.h"
 
 namespace l4d::render {
-namespace {
-
-constexpr size_t kGrain = 4096;
-
-}  // namespace
-
 Status Scene::set(const l4d_gaussians& gaussians, const l4d_timeline& timeline) {
   if (gaussians.sh_degree > 3) return invalid_argument("sh_degree is above 3");
   if (gaussians.count > std::numeric_limits<uint32_t>::max()) {
@@ -180,15 +175,19 @@ Status Scene::slice(double time, MemoryBudget& memory, Frame<double>* out) const
   return {};
 }
 
-Status slice_stream(l4d_decoder* decoder, double time, MemoryBudget& memory, uint64_t* still_key,
-                    Frame<float>* out) {
-  l4d_splat_columns columns;
-  l4d_splat_columns_init(&columns);
+Status slice_streams(const std::vector<l4d_shown_stream>& streams, const l4d_operating_point& point,
+                     MemoryBudget& memory, uint64_t* still_key, Frame<float>* out) {
+  l4d_splat_columns columns = L4D_INIT(l4d_splat_columns);
   columns.still_key = *still_key;
   columns.min_opacity = static_cast<float>(kMinAlpha);
-  l4d_info info;
-  l4d_info_init(&info);
-  l4d_status status = l4d_decoder_get_info(decoder, &info);
+  columns.point = point;
+  l4d_status status = L4D_OK;
+  uint32_t sh_degree = 0;
+  for (const l4d_shown_stream& stream : streams) {
+    l4d_info info = L4D_INIT(l4d_info);
+    if (status == L4D_OK) status = l4d_decoder_get_info(stream.decoder, &info);
+    sh_degree = std::max(sh_degree, info.sh_degree);
+  }
   size_t named = *still_key != 0 ? out->capacity() : 0;  // rows that have their ids
   *still_key = 0;
   const uint64_t key = columns.still_key;
@@ -199,7 +198,7 @@ Status slice_stream(l4d_decoder* decoder, double time, MemoryBudget& memory, uin
     for (size_t k = 0; k < 6; ++k) columns.covariance[k] = out->covariance[k].data();
     columns.opacity = out->opacity.data();
     columns.sh_rows = out->sh.data();
-    status = l4d_decoder_slice_columns(decoder, time, &columns);
+    status = l4d_slice_streams_columns(streams.data(), streams.size(), &columns);
     return status == L4D_ERR_BUFFER_TOO_SMALL ||
            (status == L4D_OK && columns.count > out->capacity());
   };
@@ -208,10 +207,10 @@ Status slice_stream(l4d_decoder* decoder, double time, MemoryBudget& memory, uin
     status = L4D_OK;
     L4D_RETURN_IF_ERROR(out->reserve(static_cast<size_t>(columns.count), memory));
   }
-  if (status != L4D_OK) return Status(status, l4d_decoder_error_message(decoder));
+  if (status != L4D_OK) return Status(status, l4d_last_error_message());
   L4D_RETURN_IF_ERROR(out->resize(static_cast<size_t>(columns.count), memory));
   for (; named < out->capacity(); ++named) out->id[named] = static_cast<uint32_t>(named);
-  out->sh_degree = info.sh_degree;
+  out->sh_degree = sh_degree;
   *still_key = columns.still_key;
   return {};
 }

@@ -3,7 +3,8 @@
 
 #include <vector>
 
-#include "l4d/decode.h"
+#include "l4d/experimental/columns.h"
+#include "l4d/members.h"
 #include "libl4dcodec/base/memory.h"
 #include "libl4dcodec/base/status.h"
 #include "libl4dcodec/scene/prepare.h"
@@ -36,8 +37,7 @@ class Scene {
 
  private:
   bool visible(size_t row, float t, uint32_t frame) const {
-    return shown_[row].holds(t) &&
-           (window_.empty() || !window_[row].is_flat() || window_[row].holds(frame));
+    return shown_[row].holds(t) && (window_.empty() || window_[row].shows(frame));
   }
 
   l4d_gaussians gaussians_{};
@@ -61,12 +61,12 @@ class Scene {
   const Frame<float>* still_frame_ = nullptr;  // its beginning holds the still rows
 };
 
-// The Gaussians of a stream visible at `time`; their ids are their places in the frame. In and out:
+// What streams show together; the ids of Gaussians are their places in the frame. In and out:
 // still_key says which still Gaussians lie at the beginning of the frame (l4d_splat_columns); 0
-// where the frame is another, or holds other ids. SH rows belong to the decoder until its next
-// call.
-Status slice_stream(l4d_decoder* decoder, double time, MemoryBudget& memory, uint64_t* still_key,
-                    Frame<float>* out);
+// where the frame is another, or holds other ids. SH rows belong to the decoders until their next
+// calls.
+Status slice_streams(const std::vector<l4d_shown_stream>& streams, const l4d_operating_point& point,
+                     MemoryBudget& memory, uint64_t* still_key, Frame<float>* out);
 
 // Widens a frame. Only what is in `from` is known, so this is as exact as that.
 Status widen(const Frame<float>& from, MemoryBudget& memory, Frame<double>* out);

@@ -122,13 +122,10 @@ l4d_process_group one_process() {
 class Measurement {
  public:
   Measurement(Renderer& renderer, const l4d_camera* cameras, const l4d_view* views,
-              size_t num_views, const l4d_measure_options& options, l4d_progress_fn progress,
-              void* user, l4d_measure_report* report)
+              size_t num_views, const l4d_measure_options& options, l4d_measure_report* report)
       : renderer_(renderer),
         cameras_(cameras),
         options_(options),
-        progress_(progress),
-        user_(user),
         whole_(options.group != nullptr),
         group_(whole_ ? *options.group : one_process()),
         instants_(schedule(views, num_views)),
@@ -164,9 +161,9 @@ class Measurement {
   bool is_own(size_t instant) const { return instant % group_.count == group_.rank; }
   Status proceed(const char* stage) const {
     const uint64_t done = report_.views_measured + report_.views_visibility_only;
-    return progress_ == nullptr || progress_(user_, done, report_.views, stage) == 0
-               ? Status()
-               : Status(L4D_ERR_CANCELLED, "cancelled");
+    const bool goes_on = options_.progress == nullptr ||
+                         options_.progress(options_.progress_user, done, report_.views, stage) == 0;
+    return goes_on ? Status() : Status(L4D_ERR_CANCELLED, "cancelled");
   }
 
   // Rounds of views with derivatives, until the halves agree.
@@ -283,8 +280,6 @@ class Measurement {
   Renderer& renderer_;
   const l4d_camera* const cameras_;
   const l4d_measure_options& options_;
-  const l4d_progress_fn progress_;
-  void* const user_;
   const bool whole_;  // sums are whole numbers
   const l4d_process_group group_;
   std::vector<InstantViews> instants_;
@@ -296,8 +291,7 @@ class Measurement {
 
 Status measure(Renderer& renderer, const l4d_camera* cameras, uint32_t num_cameras,
                const l4d_view* views, size_t num_views, const l4d_measure_options& options,
-               l4d_progress_fn progress, void* user, l4d_measure_report* report,
-               std::unique_ptr<Sensitivity>* out) {
+               l4d_measure_report* report, std::unique_ptr<Sensitivity>* out) {
   if (!renderer.has_scene()) {
     return Status(L4D_ERR_INVALID_STATE, "importance needs the scene's Gaussians: set_gaussians");
   }
@@ -307,7 +301,7 @@ Status measure(Renderer& renderer, const l4d_camera* cameras, uint32_t num_camer
       return invalid_argument("a view names a camera beyond the last");
     if (!std::isfinite(views[i].time)) return invalid_argument("the time of a view is not finite");
   }
-  return Measurement(renderer, cameras, views, num_views, options, progress, user, report).run(out);
+  return Measurement(renderer, cameras, views, num_views, options, report).run(out);
 }
 
 }  // namespace l4d::render

@@ -14,8 +14,6 @@
 namespace l4d::render {
 namespace {
 
-constexpr size_t kGrain = 4096;
-
 // What tells views apart: instant and camera, not when they are added, so that the order of views
 // and how they are dealt out to accumulators change no sign.
 uint64_t view_key(double time, const l4d_camera& camera) {
@@ -147,9 +145,12 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
         renderer.add_importance(camera, squared, signs, visibility_only, device_.get(), wait));
     device_read_ = false;
   } else {
+    const bool draws = squared && !visibility_only;
+    L4D_RETURN_IF_ERROR(renderer.check_memory(draws ? 3 * sizeof(float) * pixels : 0,
+                                              "the signs of the pixels of a view"));
     Renderer::ImportanceInput input;
     if (visibility_only) input.seen = seen_.data();
-    if (squared && !visibility_only && check_image_size(camera.width, camera.height).ok()) {
+    if (draws && check_image_size(camera.width, camera.height).ok()) {
       draw_signs(signs, static_cast<size_t>(pixels), renderer.threads());
       input.rgb_gradient = signs_.data();
       input.as_coded = true;
@@ -270,10 +271,6 @@ Status Sensitivity::count_unseen(uint64_t* out) const {
 }
 
 Status Sensitivity::merge(const Sensitivity& other) {
-  if (other.count() != count() || other.sh_degree_ != sh_degree_ ||
-      other.options_.metric != options_.metric || other.fixed_point_ != fixed_point_) {
-    return invalid_argument("the accumulators are for different scenes or measures");
-  }
   if (other.device_ != nullptr) {
     if (device_ == nullptr) {
       L4D_RETURN_IF_ERROR(other.device_->clone(&device_));

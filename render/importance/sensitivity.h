@@ -6,6 +6,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "l4d/experimental/sensitivity.h"
 #include "render/frame/importance_numbers.h"
 #include "render/renderer.h"
 
@@ -22,6 +23,7 @@ class Sensitivity {
   // Renderer::finish_importance() waits.
   Status add_view(Renderer& renderer, const l4d_camera& camera, bool visibility_only,
                   bool wait = true);
+  // Of the same scene and metric.
   Status merge(const Sensitivity& other);
   // Replaces all sums by those over all ranks. Needs fixed_point.
   Status share(const l4d_process_group& group);

@@ -12,11 +12,12 @@ constexpr double kRotationTolerance = 1e-3;
 
 }  // namespace
 
-l4d_camera default_camera() {
-  l4d_camera camera{};
-  camera.struct_size = sizeof camera;
-  camera.near_plane = 0.02;
-  for (int k = 0; k < 3; ++k) camera.world_to_camera[5 * k] = 1;
+l4d_camera resolved(l4d_camera camera) {
+  double* const m = camera.world_to_camera;
+  if (camera.near_plane == 0) camera.near_plane = 0.02;
+  bool unset = true;
+  for (int k = 0; k < 12; ++k) unset = unset && (k % 4 == 3 || m[k] == 0);
+  if (unset) m[0] = m[5] = m[10] = 1;
   return camera;
 }
 
@@ -39,7 +40,7 @@ Status check_camera(const l4d_camera& c) {
     return invalid_argument("camera: focal lengths must be above 0 and the principal point finite");
   }
   if (!(c.near_plane > 0) || !std::isfinite(c.near_plane)) {
-    return invalid_argument("camera: near_plane must be above 0");
+    return invalid_argument("camera: near_plane must be at least 0 and finite");
   }
   for (const double v : c.world_to_camera) {
     if (!std::isfinite(v)) return invalid_argument("camera: world_to_camera is not finite");

@@ -6,8 +6,9 @@
 
 namespace l4d::render {
 
-// What l4d_camera_init sets.
-l4d_camera default_camera();
+// A camera as l4d_camera says it: near_plane and world_to_camera with their defaults in place of
+// zeros.
+l4d_camera resolved(l4d_camera camera);
 // INVALID_ARGUMENT where the camera is none.
 Status check_camera(const l4d_camera& camera);
 // INVALID_ARGUMENT where an image is larger than images may be.

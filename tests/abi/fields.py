@@ -25,10 +25,10 @@ def struct_fields(body):
 
 
 def main():
-    headers = sorted(pathlib.Path(sys.argv[1]).glob("l4d/*.h"))
+    headers = sorted(pathlib.Path(sys.argv[1]).glob("l4d/**/*.h"))
     print("#include <stddef.h>\n#include <stdio.h>")
     for header in headers:
-        print(f'#include "l4d/{header.name}"')
+        print(f'#include "{header.relative_to(sys.argv[1])}"')
     print("int main(void) {")
     structs = 0
     for header in headers:

@@ -13,7 +13,7 @@ import re
 import sys
 
 # Counts that the bitstream fixes for ever, and those that only bound an id: no array follows them.
-FIXED_COUNTS = {"L4D_COMPONENT_COUNT", "L4D_ENC_PARAMETER_COUNT", "L4D_WEIGHT_COUNT"}
+FIXED_COUNTS = {"L4D_COMPONENT_COUNT", "L4D_WEIGHT_COUNT"}
 
 
 def grow_structs(text):
@@ -42,7 +42,7 @@ def grow_enums(text):
 def main():
     source, out = map(pathlib.Path, sys.argv[1:3])
     structs = enums = 0
-    for header in sorted(source.glob("l4d/*.h*")):
+    for header in sorted(source.glob("l4d/**/*.h*")):
         text = header.read_text()
         text, more = grow_structs(text)
         structs += more
@@ -55,7 +55,7 @@ def main():
     print(f"{structs} structs and {enums} lists have grown")
     # All versioned structs but those that only the library makes.
     versioned = sum(len(re.findall(r"\{\n  size_t struct_size;", h.read_text()))
-                    for h in source.glob("l4d/*.h"))
+                    for h in source.glob("l4d/**/*.h"))
     if structs != versioned or structs == 0 or enums == 0:
         sys.exit(f"{versioned} structs have a struct_size: grow.py does not find all of them")
 

@@ -5,11 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "l4d/cuda.h"
-#include "l4d/cuda_player.h"
-#include "l4d/cuda_train.h"
 #include "l4d/decode.h"
 #include "l4d/encode.h"
+#include "l4d/experimental/inspect.h"
+#include "l4d/experimental/packed.h"
 #include "l4d/render.h"
 
 #define CHECK(condition)                                                                    \
@@ -42,7 +41,7 @@ static float position[3 * kCount], mean_t[kCount], log_scale[4 * kCount], rotor[
 static float opacity[kCount], sh[3 * kCount];
 
 static l4d_gaussians make_scene(void) {
-  l4d_gaussians g;
+  l4d_gaussians g = L4D_INIT(l4d_gaussians);
   size_t i;
   for (i = 0; i < kCount; ++i) {
     position[3 * i] = (float)(i % 20) / 10 - 1;
@@ -54,7 +53,6 @@ static l4d_gaussians make_scene(void) {
     opacity[i] = 0.8f;
     sh[3 * i] = 0.5f;
   }
-  l4d_gaussians_init(&g);
   g.count = kCount;
   g.position = position;
   g.mean_t = mean_t;
@@ -75,28 +73,24 @@ static l4d_timeline timeline(void) {
 }
 
 static void encode(const l4d_gaussians* g, const char* preset, double profile, bytes* out) {
-  l4d_encoder_options options;
+  l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
   l4d_encoder* encoder = NULL;
-  l4d_writer writer;
-  l4d_encode_report report;
-  l4d_parameter_info parameter;
+  l4d_writer writer = L4D_INIT(l4d_writer);
+  l4d_encode_report report = L4D_INIT(l4d_encode_report);
+  l4d_parameter_info parameter = L4D_INIT(l4d_parameter_info);
   const l4d_timeline t = timeline();
   uint32_t order[kCount];
-  l4d_encoder_options_init(&options);
   options.threads = 1;
   options.seed = 3;
   CHECK_OK(l4d_encoder_create(&options, &encoder));
   CHECK_OK(l4d_encoder_set_preset(encoder, preset));
-  CHECK_OK(l4d_encoder_set(encoder, L4D_ENC_PROFILE, L4D_ALL_COMPONENTS, profile));
-  l4d_parameter_info_init(&parameter);
-  CHECK_OK(l4d_encoder_parameter_info(L4D_ENC_QUALITY, &parameter));
-  CHECK(strcmp(parameter.name, "quality") == 0);
+  CHECK_OK(l4d_encoder_set(encoder, L4D_ENC_PROFILE, profile));
+  CHECK_OK(l4d_encoder_parameter_info(0, &parameter));
+  CHECK(strcmp(parameter.name, L4D_ENC_LOSSLESS) == 0);
   CHECK_OK(l4d_encoder_set_scene(encoder, g, &t, NULL));
-  l4d_writer_init(&writer);
   writer.user = out;
   writer.write = append;
   CHECK_OK(l4d_encoder_encode(encoder, &writer));
-  l4d_encode_report_init(&report);
   CHECK_OK(l4d_encoder_get_report(encoder, &report));
   CHECK(report.coded_gaussians == kCount && report.file_bytes == out->size);
   CHECK(l4d_encoder_get_order(encoder, order, kCount - 1) == L4D_ERR_BUFFER_TOO_SMALL);
@@ -105,36 +99,29 @@ static void encode(const l4d_gaussians* g, const char* preset, double profile, b
 }
 
 static void inspect(l4d_decoder* d) {
-  l4d_info info;
-  l4d_layer_info layer;
-  l4d_selection selection;
-  l4d_stream_demand demand;
-  l4d_level_limits limits;
-  l4d_counters counters;
-  l4d_query query;
+  l4d_info info = L4D_INIT(l4d_info);
+  l4d_layer_info layer = L4D_INIT(l4d_layer_info);
+  l4d_selection selection = L4D_INIT(l4d_selection);
+  l4d_stream_demand demand = L4D_INIT(l4d_stream_demand);
+  l4d_level_limits limits = L4D_INIT(l4d_level_limits);
+  l4d_counters counters = L4D_INIT(l4d_counters);
+  l4d_query query = L4D_INIT(l4d_query);
   uint64_t sections[L4D_SECTION_COUNT], layers[1], sum = 0;
   uint32_t known = 0, i;
   uint64_t violations = 0;
-  l4d_info_init(&info);
   CHECK_OK(l4d_decoder_get_info(d, &info));
   CHECK(info.num_gaussians == kCount && info.timeline.num_frames == 30);
-  l4d_layer_info_init(&layer);
   CHECK_OK(l4d_decoder_get_layer_info(d, 0, &layer));
   CHECK_OK(l4d_decoder_get_sections(d, sections, L4D_SECTION_COUNT, &known, layers, 1));
   CHECK(known >= L4D_SECTION_COUNT);
   for (i = 0; i < L4D_SECTION_COUNT; ++i) sum += sections[i];
   CHECK(sum == info.file_bytes);
-  l4d_query_init(&query);
-  l4d_selection_init(&selection);
   CHECK_OK(l4d_decoder_select(d, &query, &selection));
   CHECK(selection.num_gaussians == kCount);
-  l4d_stream_demand_init(&demand);
   CHECK_OK(l4d_decoder_get_stream_demand(d, &demand));
   CHECK(demand.instant_gaussians > 0);
-  l4d_level_limits_init(&limits);
   CHECK_OK(l4d_get_level_limits(1, L4D_PROFILE_MAIN, &limits));
   CHECK_OK(l4d_decoder_check_conformance(d, 0, 6, NULL, NULL, &violations));
-  l4d_counters_init(&counters);
   CHECK_OK(l4d_decoder_get_counters(d, &counters));
   CHECK(counters.reads > 0);
 }
@@ -142,11 +129,9 @@ static void inspect(l4d_decoder* d) {
 static void decode(l4d_decoder* d) {
   float at[3 * kCount], when[kCount], covariance[6 * kCount];
   l4d_bucket_span spans[256];
-  l4d_gaussian_buffers arrays;
-  l4d_splat_buffers splats;
-  l4d_query query;
-  l4d_query_init(&query);
-  l4d_gaussian_buffers_init(&arrays);
+  l4d_gaussian_buffers arrays = L4D_INIT(l4d_gaussian_buffers);
+  l4d_splat_buffers splats = L4D_INIT(l4d_splat_buffers);
+  l4d_query query = L4D_INIT(l4d_query);
   arrays.position = at;
   arrays.mean_t = when;
   CHECK(l4d_decoder_decode(d, &query, &arrays) == L4D_ERR_BUFFER_TOO_SMALL);
@@ -156,7 +141,6 @@ static void decode(l4d_decoder* d) {
   arrays.span_capacity = 256;
   CHECK_OK(l4d_decoder_decode(d, &query, &arrays));
   CHECK(arrays.count == kCount && arrays.num_spans > 0);
-  l4d_splat_buffers_init(&splats);
   splats.position = at;
   splats.covariance = covariance;
   CHECK(l4d_decoder_slice(d, 0.5, &splats) == L4D_ERR_BUFFER_TOO_SMALL);
@@ -167,38 +151,34 @@ static void decode(l4d_decoder* d) {
 
 static void decode_packed(l4d_decoder* d) {
   uint16_t at[3 * kCount];
-  l4d_packed_buffers packed;
-  l4d_codebook codebook;
-  l4d_dequantization dequantization;
-  l4d_query query;
-  l4d_query_init(&query);
-  l4d_packed_buffers_init(&packed);
+  l4d_packed_buffers packed = L4D_INIT(l4d_packed_buffers);
+  l4d_codebook codebook = L4D_INIT(l4d_codebook);
+  l4d_dequantization dequantization = L4D_INIT(l4d_dequantization);
+  l4d_query query = L4D_INIT(l4d_query);
   packed.capacity = kCount;
   packed.position = at;
   CHECK_OK(l4d_decoder_decode_packed(d, &query, &packed));
   CHECK(packed.count == kCount);
-  l4d_codebook_init(&codebook);
   CHECK_OK(l4d_decoder_get_codebook(d, 0, L4D_COMPONENT_SH, 0, L4D_NO_BLOCK, &codebook));
-  l4d_dequantization_init(&dequantization);
   CHECK_OK(l4d_decoder_get_dequantization(d, 0, &dequantization));
 }
 
 static void render(const l4d_gaussians* g) {
-  l4d_renderer_options options;
+  l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
   l4d_renderer* renderer = NULL;
   l4d_camera cameras[kCameras];
   l4d_view views[6];
-  l4d_image image;
-  l4d_render_stats stats;
-  l4d_gradients gradients;
-  l4d_measure_options measuring;
-  l4d_measure_report report;
-  l4d_sensitivity* sensitivity = NULL;
-  float rgb[16 * 12 * 3], weights[kCount], gradient[kCount];
+  l4d_image image = L4D_INIT(l4d_image);
+  l4d_render_stats stats = L4D_INIT(l4d_render_stats);
+  l4d_gradients gradients = L4D_INIT(l4d_gradients);
+  l4d_measure_options measuring = L4D_INIT(l4d_measure_options);
+  l4d_measure_report report = L4D_INIT(l4d_measure_report);
+  float rgb[16 * 12 * 3], sh[kCount], gradient[kCount];
+  float* weights[L4D_WEIGHT_COUNT] = {NULL};
   const l4d_timeline t = timeline();
   uint32_t i;
   for (i = 0; i < kCameras; ++i) {
-    l4d_camera_init(&cameras[i]);
+    cameras[i] = L4D_INIT(l4d_camera);
     cameras[i].width = 16;
     cameras[i].height = 12;
     cameras[i].fx = cameras[i].fy = 10;
@@ -207,18 +187,14 @@ static void render(const l4d_gaussians* g) {
     cameras[i].world_to_camera[3] = 0.1 * i;
     cameras[i].world_to_camera[11] = 3;
   }
-  l4d_renderer_options_init(&options);
   options.threads = 1;
   CHECK_OK(l4d_renderer_create(&options, &renderer));
   CHECK_OK(l4d_renderer_set_gaussians(renderer, g, &t));
   CHECK_OK(l4d_renderer_set_time(renderer, 0.5));
-  l4d_image_init(&image);
   image.rgb = rgb;
   CHECK_OK(l4d_renderer_render(renderer, &cameras[2], &image));
-  l4d_render_stats_init(&stats);
   CHECK_OK(l4d_renderer_get_stats(renderer, &stats));
   CHECK(stats.visible > 0);
-  l4d_gradients_init(&gradients);
   gradients.count = kCount;
   memset(gradient, 0, sizeof gradient);
   gradients.opacity = gradient;
@@ -228,48 +204,26 @@ static void render(const l4d_gaussians* g) {
     views[i].camera = i % kCameras;
     views[i].reserved = 0;
   }
-  l4d_measure_options_init(&measuring);
   measuring.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
   measuring.agreement = 2;
-  l4d_measure_report_init(&report);
-  CHECK_OK(l4d_measure_importance(renderer, cameras, kCameras, views, 6, &measuring, NULL, NULL,
-                                  &report, &sensitivity));
+  weights[L4D_WEIGHT_SH] = sh;
+  CHECK_OK(l4d_measure_importance(renderer, cameras, kCameras, views, 6, &measuring, weights,
+                                  kCount, &report));
   CHECK(report.views == 6 && report.views_measured == 6);
-  CHECK_OK(l4d_sensitivity_get_weights(sensitivity, L4D_WEIGHT_SH, weights, kCount));
-  l4d_sensitivity_destroy(sensitivity);
   /* An array of structs that differ is no array of one version. */
   cameras[1].struct_size += 8;
-  CHECK(l4d_measure_importance(renderer, cameras, kCameras, views, 6, &measuring, NULL, NULL,
-                               &report, &sensitivity) == L4D_ERR_INVALID_ARGUMENT);
+  CHECK(l4d_measure_importance(renderer, cameras, kCameras, views, 6, &measuring, weights, kCount,
+                               &report) == L4D_ERR_INVALID_ARGUMENT);
   l4d_renderer_destroy(renderer);
-}
-
-static void device_structs(void) {
-  l4d_cuda_request request;
-  l4d_cuda_player_options player;
-  l4d_cuda_frame_capacity capacity;
-  l4d_cuda_frame_stats stats;
-  l4d_cuda_live_view view;
-  l4d_cuda_live_report report;
-  l4d_cuda_request_init(&request);
-  CHECK(request.attributes == L4D_CUDA_ALL_ATTRIBUTES);
-  l4d_cuda_player_options_init(&player);
-  CHECK(player.max_level == UINT32_MAX);
-  l4d_cuda_frame_capacity_init(&capacity);
-  l4d_cuda_frame_stats_init(&stats);
-  l4d_cuda_live_view_init(&view);
-  CHECK(view.camera == NULL);
-  l4d_cuda_live_report_init(&report);
 }
 
 int main(void) {
   const l4d_gaussians g = make_scene();
-  l4d_decoder_options options;
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   l4d_decoder* decoder = NULL;
   bytes file = {NULL, 0}, indexed = {NULL, 0};
   encode(&g, "default", -1, &file);
   encode(&g, "indexed", L4D_PROFILE_INDEXED, &indexed);
-  l4d_decoder_options_init(&options);
   options.threads = 1;
   CHECK_OK(l4d_decoder_create(&options, &decoder));
   CHECK_OK(l4d_decoder_open_memory(decoder, file.data, file.size));
@@ -279,7 +233,6 @@ int main(void) {
   decode_packed(decoder);
   l4d_decoder_destroy(decoder);
   render(&g);
-  device_structs();
   free(file.data);
   free(indexed.data);
   puts("a program of today runs with a library of tomorrow");

@@ -3,11 +3,15 @@
 // beyond the library's own is read or written. Of older programs see tests/abi.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstring>
 #include <functional>
 #include <string>
 
+#include "l4d/experimental/columns.h"
+#include "l4d/experimental/inspect.h"
+#include "l4d/experimental/packed.h"
 #include "tests/common/codec.h"
 
 namespace l4d {
@@ -17,14 +21,14 @@ using namespace test;
 
 constexpr unsigned char kCanary = 0xc7;
 
-// T in room for more, all canary, initialised for `size` bytes.
+// A T of `size` bytes as L4D_INIT makes it, then canary.
 template <typename T>
 class Sized {
  public:
-  template <typename Init>
-  Sized(size_t size, const Init& init) : size_(size) {
+  explicit Sized(size_t size) : size_(size) {
     std::memset(bytes_, kCanary, sizeof bytes_);
-    init(get(), size);
+    std::memset(bytes_, 0, std::max(size, sizeof(size_t)));
+    get()->struct_size = size;
   }
   T* get() { return reinterpret_cast<T*>(bytes_); }
   T* operator->() { return get(); }
@@ -57,45 +61,14 @@ DecoderHandle opened() {
   return d;
 }
 
-TEST(StructSize, InitFillsExactlyTheStruct) {
-  const auto check = [](auto example, auto init) {
-    using T = decltype(example);
-    for (const size_t size : {sizeof(size_t), sizeof(T), sizeof(T) + 24}) {
-      Sized<T> s(size, init);
-      EXPECT_EQ(s->struct_size, size);
-      EXPECT_TRUE(s.intact());
-      EXPECT_TRUE(s.zero_between(std::min(size, sizeof(T)), size)) << "fields of a newer version";
-    }
-  };
-  check(l4d_reader(), l4d_reader_init_);
-  check(l4d_writer(), l4d_writer_init_);
-  check(l4d_gaussians(), l4d_gaussians_init_);
-  check(l4d_decoder_options(), l4d_decoder_options_init_);
-  check(l4d_info(), l4d_info_init_);
-  check(l4d_coding_errors(), l4d_coding_errors_init_);
-  check(l4d_layer_info(), l4d_layer_info_init_);
-  check(l4d_query(), l4d_query_init_);
-  check(l4d_selection(), l4d_selection_init_);
-  check(l4d_gaussian_buffers(), l4d_gaussian_buffers_init_);
-  check(l4d_packed_buffers(), l4d_packed_buffers_init_);
-  check(l4d_codebook(), l4d_codebook_init_);
-  check(l4d_dequantization(), l4d_dequantization_init_);
-  check(l4d_splat_buffers(), l4d_splat_buffers_init_);
-  check(l4d_splat_columns(), l4d_splat_columns_init_);
-  check(l4d_counters(), l4d_counters_init_);
-  check(l4d_encoder_options(), l4d_encoder_options_init_);
-  check(l4d_parameter_info(), l4d_parameter_info_init_);
-  check(l4d_encode_report(), l4d_encode_report_init_);
-}
-
 // Each function that fills a struct, with structs of several versions.
 using Fill = std::function<l4d_status(void*)>;
 
 // first_version: bytes of the struct's first version.
-template <typename T, typename Init>
-void expect_results_within(Init init, const Fill& fill, size_t first_version = sizeof(T)) {
+template <typename T>
+void expect_results_within(const Fill& fill, size_t first_version = sizeof(T)) {
   for (const size_t size : {first_version, sizeof(T), sizeof(T) + 40}) {
-    Sized<T> s(size, init);
+    Sized<T> s(size);
     EXPECT_EQ(fill(s.get()), L4D_OK) << l4d_last_error_message();
     EXPECT_EQ(s->struct_size, size);
     EXPECT_TRUE(s.intact());
@@ -103,7 +76,7 @@ void expect_results_within(Init init, const Fill& fill, size_t first_version = s
   }
   // Smaller than any version: nothing is written.
   for (const size_t size : {size_t{0}, sizeof(size_t), first_version - 8}) {
-    Sized<T> s(size, [](T* at, size_t bytes) { at->struct_size = bytes; });
+    Sized<T> s(size);
     const Sized<T> before = s;
     EXPECT_EQ(fill(s.get()), L4D_ERR_INVALID_ARGUMENT) << size;
     EXPECT_NE(std::string(l4d_last_error_message()).find("struct_size"), std::string::npos);
@@ -116,44 +89,39 @@ TEST(StructSize, ResultsStayWithinIt) {
   l4d_decoder* const d = handle.get();
   const l4d_query q = all_query();
   expect_results_within<l4d_info>(
-      l4d_info_init_, [&](void* to) { return l4d_decoder_get_info(d, static_cast<l4d_info*>(to)); },
+      [&](void* to) { return l4d_decoder_get_info(d, static_cast<l4d_info*>(to)); },
       offsetof(l4d_info, streamable));
   expect_results_within<l4d_coding_errors>(
-      l4d_coding_errors_init_,
       [&](void* to) {
         return l4d_decoder_get_coding_errors(d, static_cast<l4d_coding_errors*>(to));
       },
       offsetof(l4d_coding_errors, colors_stated));
   expect_results_within<l4d_layer_info>(
-      l4d_layer_info_init_,
       [&](void* to) { return l4d_decoder_get_layer_info(d, 0, static_cast<l4d_layer_info*>(to)); },
       offsetof(l4d_layer_info, tier));
-  expect_results_within<l4d_selection>(l4d_selection_init_, [&](void* to) {
-    return l4d_decoder_select(d, &q, static_cast<l4d_selection*>(to));
-  });
-  expect_results_within<l4d_counters>(l4d_counters_init_, [&](void* to) {
-    return l4d_decoder_get_counters(d, static_cast<l4d_counters*>(to));
-  });
-  expect_results_within<l4d_codebook>(l4d_codebook_init_, [&](void* to) {
+  expect_results_within<l4d_selection>(
+      [&](void* to) { return l4d_decoder_select(d, &q, static_cast<l4d_selection*>(to)); });
+  expect_results_within<l4d_counters>(
+      [&](void* to) { return l4d_decoder_get_counters(d, static_cast<l4d_counters*>(to)); });
+  expect_results_within<l4d_codebook>([&](void* to) {
     return l4d_decoder_get_codebook(d, 0, 0, 0, L4D_NO_BLOCK, static_cast<l4d_codebook*>(to));
   });
-  expect_results_within<l4d_dequantization>(l4d_dequantization_init_, [&](void* to) {
+  expect_results_within<l4d_dequantization>([&](void* to) {
     return l4d_decoder_get_dequantization(d, 0, static_cast<l4d_dequantization*>(to));
   });
-  expect_results_within<l4d_splat_buffers>(l4d_splat_buffers_init_, [&](void* to) {
-    return l4d_decoder_slice(d, 1.0, static_cast<l4d_splat_buffers*>(to));
-  });
-  expect_results_within<l4d_splat_columns>(l4d_splat_columns_init_, [&](void* to) {
+  expect_results_within<l4d_splat_buffers>(
+      [&](void* to) { return l4d_decoder_slice(d, 1.0, static_cast<l4d_splat_buffers*>(to)); });
+  expect_results_within<l4d_splat_columns>([&](void* to) {
     return l4d_decoder_slice_columns(d, 1.0, static_cast<l4d_splat_columns*>(to));
   });
-  expect_results_within<l4d_stream_demand>(l4d_stream_demand_init_, [&](void* to) {
+  expect_results_within<l4d_stream_demand>([&](void* to) {
     return l4d_decoder_get_stream_demand(d, static_cast<l4d_stream_demand*>(to));
   });
-  expect_results_within<l4d_level_limits>(l4d_level_limits_init_, [&](void* to) {
+  expect_results_within<l4d_level_limits>([&](void* to) {
     return l4d_get_level_limits(1, L4D_PROFILE_MAIN, static_cast<l4d_level_limits*>(to));
   });
-  expect_results_within<l4d_parameter_info>(l4d_parameter_info_init_, [&](void* to) {
-    return l4d_encoder_parameter_info(L4D_ENC_RCQ, static_cast<l4d_parameter_info*>(to));
+  expect_results_within<l4d_parameter_info>([&](void* to) {
+    return l4d_encoder_parameter_info(0, static_cast<l4d_parameter_info*>(to));
   });
 }
 
@@ -176,8 +144,7 @@ TEST(StructSize, ZeroIsRefused) {
   const DecoderHandle d = opened();
   l4d_query query{};
   query.kind = L4D_QUERY_TIME;
-  l4d_selection selection;
-  l4d_selection_init(&selection);
+  l4d_selection selection = L4D_INIT(l4d_selection);
   EXPECT_EQ(l4d_decoder_select(d.get(), &query, &selection), L4D_ERR_INVALID_ARGUMENT);
   l4d_gaussian_buffers buffers{};
   const l4d_query all = all_query();
@@ -197,7 +164,7 @@ TEST(StructSize, LongerBuffers) {
   const l4d_query q = time_query(1.0);
   const GaussianArrays want = d.decode(q);
   for (const size_t size : {sizeof(l4d_gaussian_buffers), sizeof(l4d_gaussian_buffers) + 16}) {
-    Sized<l4d_gaussian_buffers> b(size, l4d_gaussian_buffers_init_);
+    Sized<l4d_gaussian_buffers> b(size);
     std::vector<float> position(want.position.size());
     b->capacity = want.count();
     b->position = position.data();
@@ -230,7 +197,6 @@ TEST(StructSize, ScenesAndReports) {
   prepare_encoder(scene, small_options(), e);
   e.encode();
   expect_results_within<l4d_encode_report>(
-      l4d_encode_report_init_,
       [&](void* to) {
         return l4d_encoder_get_report(e.get(), static_cast<l4d_encode_report*>(to));
       },

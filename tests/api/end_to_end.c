@@ -9,6 +9,7 @@
 
 #include "l4d/decode.h"
 #include "l4d/encode.h"
+#include "l4d/experimental/parameters.h"
 #include "l4d/l4d.h"
 
 #define CHECK(condition)                                                            \
@@ -87,14 +88,13 @@ static void make_scene(scene* s) {
 }
 
 static void encode_scene(const scene* s, buffer* out, const char* path) {
-  l4d_encoder_options options;
+  l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
   l4d_encoder* encoder = NULL;
-  l4d_gaussians g;
+  l4d_gaussians g = L4D_INIT(l4d_gaussians);
   l4d_timeline timeline;
   l4d_placement placement;
-  l4d_writer writer;
-  l4d_encode_report report;
-  l4d_gaussians_init(&g);
+  l4d_writer writer = L4D_INIT(l4d_writer);
+  l4d_encode_report report = L4D_INIT(l4d_encode_report);
   g.count = kCount;
   g.sh_degree = 1;
   g.position = s->position;
@@ -112,18 +112,15 @@ static void encode_scene(const scene* s, buffer* out, const char* path) {
   placement.origin[0] = 1000;
   placement.coordinate_system = L4D_COORDINATES_RIGHT_DOWN_FORWARD;
 
-  l4d_encoder_options_init(&options);
   options.threads = 1;
   CHECK_OK(l4d_encoder_create(&options, &encoder));
   CHECK_OK(l4d_encoder_set_preset(encoder, "indexed-high"));
-  CHECK_OK(l4d_encoder_set(encoder, L4D_ENC_MERGE_COUNT, L4D_ALL_COMPONENTS, 20));
+  CHECK_OK(l4d_encoder_set(encoder, L4D_ENC_MERGE_COUNT, 20));
   CHECK_OK(l4d_encoder_set_scene(encoder, &g, &timeline, &placement));
   CHECK_OK(l4d_encoder_add_metadata(encoder, "title", "end to end"));
-  l4d_writer_init(&writer);
   writer.user = out;
   writer.write = append;
   CHECK_OK(l4d_encoder_encode(encoder, &writer));
-  l4d_encode_report_init(&report);
   CHECK_OK(l4d_encoder_get_report(encoder, &report));
   CHECK(report.file_bytes == out->size);
   CHECK(report.coded_gaussians == kCount);
@@ -133,35 +130,37 @@ static void encode_scene(const scene* s, buffer* out, const char* path) {
 }
 
 static void read_scene(l4d_decoder* decoder) {
-  l4d_info info;
-  l4d_query query;
+  l4d_info info = L4D_INIT(l4d_info);
+  l4d_query query = L4D_INIT(l4d_query);
   l4d_selection all, now;
-  l4d_gaussian_buffers arrays;
-  l4d_splat_buffers splats;
-  l4d_counters counters;
+  l4d_gaussian_buffers arrays = L4D_INIT(l4d_gaussian_buffers);
+  l4d_splat_buffers splats = L4D_INIT(l4d_splat_buffers);
+  l4d_counters counters = L4D_INIT(l4d_counters);
   float *position, *mean_t, *sliced;
+  const char *key, *value;
   uint64_t i;
-  l4d_info_init(&info);
   CHECK_OK(l4d_decoder_get_info(decoder, &info));
   CHECK(info.num_gaussians == kCount && info.sh_degree == 1);
   CHECK(info.timeline.num_frames == 60 && info.duration == 2);
   CHECK(info.placement.scale == 2 && info.placement.origin[0] == 1000);
   CHECK(info.placement.coordinate_system == L4D_COORDINATES_RIGHT_DOWN_FORWARD);
+  CHECK_OK(l4d_decoder_get_metadata(decoder, 0, &key, &value));
+  CHECK(strcmp(key, "title") == 0 && strcmp(value, "end to end") == 0);
+  CHECK_OK(l4d_decoder_get_metadata(decoder, 1, &key, &value));
+  CHECK(key == NULL && value == NULL);
 
-  l4d_query_init(&query);
-  l4d_selection_init(&all);
+  all = L4D_INIT(l4d_selection);
   CHECK_OK(l4d_decoder_select(decoder, &query, &all));
   CHECK(all.num_gaussians == kCount);
   query.kind = L4D_QUERY_TIME;
   query.time_begin = 0.4;
-  l4d_selection_init(&now);
+  now = L4D_INIT(l4d_selection);
   CHECK_OK(l4d_decoder_select(decoder, &query, &now));
   CHECK(now.num_gaussians > kCount / 3 && now.num_gaussians < all.num_gaussians);
 
   position = (float*)malloc((size_t)now.num_gaussians * 3 * sizeof(float));
   mean_t = (float*)malloc((size_t)now.num_gaussians * sizeof(float));
   CHECK(position != NULL && mean_t != NULL);
-  l4d_gaussian_buffers_init(&arrays);
   arrays.capacity = now.num_gaussians;
   arrays.position = position;
   arrays.mean_t = mean_t;
@@ -170,7 +169,6 @@ static void read_scene(l4d_decoder* decoder) {
   for (i = 0; i < 3 * arrays.count; ++i) CHECK(fabs(position[i]) < 3);
   for (i = 0; i < arrays.count; ++i) CHECK(mean_t[i] > -1 && mean_t[i] < 3);
 
-  l4d_splat_buffers_init(&splats);
   CHECK_OK(l4d_decoder_slice(decoder, 0.4, &splats));
   CHECK(splats.count >= kCount / 3 && splats.count <= now.num_gaussians);
   sliced = (float*)malloc((size_t)splats.count * 3 * sizeof(float));
@@ -179,7 +177,6 @@ static void read_scene(l4d_decoder* decoder) {
   splats.position = sliced;
   CHECK_OK(l4d_decoder_slice(decoder, 0.4, &splats));
 
-  l4d_counters_init(&counters);
   CHECK_OK(l4d_decoder_get_counters(decoder, &counters));
   CHECK(counters.reads > 0 && counters.pages_decoded > 0 && counters.cache_hits > 0);
   free(position);
@@ -196,16 +193,15 @@ int main(void) {
   const char* const path = "l4d-end-to-end.l4d";
   scene* const s = (scene*)malloc(sizeof *s);
   buffer file = {NULL, 0};
-  l4d_decoder_options options;
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   l4d_decoder* decoder = NULL;
-  l4d_reader reader;
+  l4d_reader reader = L4D_INIT(l4d_reader);
   uint64_t violations = 99;
   int reported = 0;
   CHECK(s != NULL);
   make_scene(s);
   encode_scene(s, &file, path);
 
-  l4d_decoder_options_init(&options);
   options.threads = 1;
   options.max_memory_bytes = 64u << 20;
   CHECK_OK(l4d_decoder_create(&options, &decoder));
@@ -213,7 +209,6 @@ int main(void) {
   read_scene(decoder);
   CHECK_OK(l4d_decoder_open_file(decoder, path));
   read_scene(decoder);
-  l4d_reader_init(&reader);
   reader.user = &file;
   reader.read_at = read_at;
   reader.size = size_of;
@@ -226,7 +221,7 @@ int main(void) {
   CHECK_OK(l4d_validate(&reader, NULL, NULL, NULL, &violations));
   CHECK(violations == 1);
   CHECK(l4d_decoder_open_memory(decoder, "no stream", 9) == L4D_ERR_NOT_L4D);
-  CHECK(strstr(l4d_decoder_error_message(decoder), "magic") != NULL);
+  CHECK(strstr(l4d_last_error_message(), "magic") != NULL);
   l4d_decoder_destroy(decoder);
   remove(path);
   free(file.data);

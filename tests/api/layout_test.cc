@@ -8,10 +8,13 @@
 
 #include "l4d/decode.h"
 #include "l4d/encode.h"
+#include "l4d/experimental/columns.h"
+#include "l4d/experimental/copy.h"
+#include "l4d/experimental/inspect.h"
+#include "l4d/experimental/packed.h"
+#include "l4d/experimental/session.h"
 #include "l4d/members.h"
-#include "l4d/rate.h"
-#include "l4d/session.h"
-#include "l4d/stream.h"
+#include "l4d/playback.h"
 
 namespace {
 
@@ -55,22 +58,21 @@ L4D_FIELD(l4d_layer_info, tier, 120);
 L4D_FIELD(l4d_layer_info, symbols_per_gaussian, 124);
 L4D_FIELD(l4d_layer_info, num_stages, 56);
 L4D_FIELD(l4d_layer_info, coding, 88);
-L4D_LAYOUT(l4d_query, 64);
-L4D_FIELD(l4d_query, max_tier, 56);
+L4D_LAYOUT(l4d_operating_point, 16);
+L4D_LAYOUT(l4d_query, 72);
 L4D_FIELD(l4d_query, time_begin, 16);
-L4D_FIELD(l4d_query, detail, 32);
-L4D_FIELD(l4d_query, whole_buckets, 36);
-L4D_FIELD(l4d_query, buckets, 40);
-L4D_LAYOUT(l4d_byte_range, 16);
+L4D_FIELD(l4d_query, point, 32);
+L4D_FIELD(l4d_query, whole_buckets, 48);
+L4D_FIELD(l4d_query, buckets, 56);
+L4D_LAYOUT(l4d_shown_stream, 16);
 L4D_LAYOUT(l4d_read, 24);
-L4D_LAYOUT(l4d_planned_range, 40);
-L4D_LAYOUT(l4d_plan_query, 64);
 L4D_LAYOUT(l4d_member, 88);
 L4D_FIELD(l4d_member, begin, 32);
 L4D_FIELD(l4d_member, number, 56);
 L4D_FIELD(l4d_member, sequence_begin, 72);
 L4D_LAYOUT(l4d_members_options, 24);
-L4D_LAYOUT(l4d_members_info, 40);
+L4D_LAYOUT(l4d_members_info, 48);
+L4D_FIELD(l4d_members_info, rest_message, 40);
 L4D_FIELD(l4d_members_info, rest, 36);
 L4D_LAYOUT(l4d_session_options, 48);
 L4D_FIELD(l4d_session_options, standing_segments, 32);
@@ -78,15 +80,22 @@ L4D_FIELD(l4d_session_options, max_memory_bytes, 40);
 L4D_LAYOUT(l4d_member_parameters, 80);
 L4D_FIELD(l4d_member_parameters, shift, 32);
 L4D_FIELD(l4d_member_parameters, edit_end, 64);
-L4D_FIELD(l4d_member_parameters, max_tier, 76);
-L4D_FIELD(l4d_plan_query, max_tier, 56);
+L4D_FIELD(l4d_member_parameters, tiers, 76);
 L4D_LAYOUT(l4d_time_span, 16);
-L4D_LAYOUT(l4d_rung, 16);
-L4D_LAYOUT(l4d_rung_state, 16);
-L4D_LAYOUT(l4d_rate_options, 32);
-L4D_LAYOUT(l4d_rate_choice, 56);
-L4D_FIELD(l4d_rate_choice, merge_gap, 24);
-L4D_FIELD(l4d_byte_range, size, 8);
+L4D_LAYOUT(l4d_playback_options, 168);
+L4D_FIELD(l4d_playback_options, unit_grain, 32);
+L4D_FIELD(l4d_playback_options, ahead, 64);
+L4D_FIELD(l4d_playback_options, max_step, 120);
+L4D_FIELD(l4d_playback_options, stale_after, 160);
+L4D_LAYOUT(l4d_quality, 32);
+L4D_LAYOUT(l4d_playback_item, 88);
+L4D_FIELD(l4d_playback_item, units, 48);
+L4D_FIELD(l4d_playback_item, value, 80);
+L4D_LAYOUT(l4d_answer, 48);
+L4D_LAYOUT(l4d_playback_state, 216);
+L4D_FIELD(l4d_playback_state, live_delay, 192);
+L4D_LAYOUT(l4d_shown_member, 32);
+L4D_LAYOUT(l4d_playback_loss, 32);
 L4D_LAYOUT(l4d_bucket_span, 48);
 L4D_FIELD(l4d_bucket_span, layer, 32);
 L4D_LAYOUT(l4d_selection, 56);
@@ -104,14 +113,16 @@ L4D_FIELD(l4d_packed_buffers, spans, 216);
 L4D_LAYOUT(l4d_codebook, 24);
 L4D_LAYOUT(l4d_gaussian_id, 16);
 L4D_FIELD(l4d_gaussian_id, index, 8);
-L4D_LAYOUT(l4d_splat_buffers, 136);
+L4D_LAYOUT(l4d_splat_buffers, 152);
+L4D_FIELD(l4d_splat_buffers, point, 136);
 L4D_FIELD(l4d_splat_buffers, scale, 80);
 L4D_FIELD(l4d_splat_buffers, id, 104);
 L4D_FIELD(l4d_splat_buffers, camera_position, 112);
 L4D_FIELD(l4d_splat_buffers, sh_rows, 56);
 L4D_FIELD(l4d_splat_buffers, num_still, 64);
 L4D_FIELD(l4d_splat_buffers, still_key, 72);
-L4D_LAYOUT(l4d_splat_columns, 248);
+L4D_LAYOUT(l4d_splat_columns, 264);
+L4D_FIELD(l4d_splat_columns, point, 248);
 L4D_FIELD(l4d_splat_columns, scale, 136);
 L4D_FIELD(l4d_splat_columns, color, 192);
 L4D_FIELD(l4d_splat_columns, id, 216);
@@ -138,8 +149,15 @@ L4D_FIELD(l4d_dequantization, log_scale_t, 40);
 L4D_LAYOUT(l4d_violation, 40);
 L4D_FIELD(l4d_violation, clause, 16);
 L4D_LAYOUT(l4d_encoder_options, 24);
-L4D_LAYOUT(l4d_parameter_info, 48);
-L4D_LAYOUT(l4d_encode_report, 144);
+L4D_LAYOUT(l4d_importance, 96);
+L4D_FIELD(l4d_importance, weights, 24);
+L4D_FIELD(l4d_importance, min_sizes, 88);
+L4D_LAYOUT(l4d_parameter_info, 72);
+L4D_FIELD(l4d_parameter_info, initial, 48);
+L4D_FIELD(l4d_parameter_info, stable, 68);
+L4D_LAYOUT(l4d_encode_step, 16);
+L4D_LAYOUT(l4d_encode_report, 152);
+L4D_FIELD(l4d_encode_report, steps, 144);
 L4D_FIELD(l4d_encode_report, total_seconds, 72);
 L4D_FIELD(l4d_encode_report, max_opacity_error, 104);
 L4D_FIELD(l4d_encode_report, max_mean_t_error, 120);
@@ -160,13 +178,10 @@ TEST(Layout, ConstantsKeepTheirValues) {
   EXPECT_EQ(L4D_TOOL_RANS, 1u << 8);
   EXPECT_EQ(L4D_TOOL_SH_BASE, 1u << 9);
   EXPECT_EQ(L4D_DETAIL_BASE_COLOR, 1);
-  EXPECT_EQ(L4D_ENC_PRUNE_COST, 25);
-  EXPECT_EQ(L4D_ENC_WEIGHT_VIEWS, 37);
-  EXPECT_EQ(L4D_ENC_PROFILE, 28);
-  EXPECT_EQ(L4D_ENC_LEVEL, 29);
+  EXPECT_EQ(L4D_SENSITIVITY_GAUSS_NEWTON, 1);
+  EXPECT_EQ(L4D_WEIGHT_VIEWS_SOME, 2);
   EXPECT_EQ(L4D_PROFILE_LOSSLESS, 3);
   EXPECT_EQ(L4D_WEIGHT_MEAN_T, 7);
-  EXPECT_EQ(L4D_ENC_DROP_INVALID, 16);
   EXPECT_EQ(L4D_WEIGHT_ALPHA_T, 4);
   EXPECT_EQ(L4D_QUERY_RANGE, 2);
   EXPECT_EQ(L4D_MAX_STAGES, 8);

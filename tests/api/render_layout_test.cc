@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <type_traits>
 
+#include "l4d/experimental/sensitivity.h"
 #include "l4d/render.h"
 
 namespace {
@@ -19,9 +20,10 @@ constexpr bool plain() {
   static_assert(plain<type>() && sizeof(type) == (bytes), #type " changed its size")
 #define L4D_FIELD(type, field, offset) \
   static_assert(offsetof(type, field) == (offset), #type "." #field " moved")
-L4D_LAYOUT(l4d_renderer_options, 32);
+L4D_LAYOUT(l4d_renderer_options, 40);
 L4D_FIELD(l4d_renderer_options, max_memory_bytes, 24);
 L4D_FIELD(l4d_renderer_options, backend, 12);
+L4D_FIELD(l4d_renderer_options, cancel, 32);
 L4D_FIELD(l4d_renderer_options, device, 20);
 L4D_FIELD(l4d_renderer_options, threads, 8);
 L4D_FIELD(l4d_renderer_options, exponential, 16);
@@ -39,7 +41,8 @@ L4D_LAYOUT(l4d_view, 16);
 L4D_FIELD(l4d_view, camera, 8);
 L4D_LAYOUT(l4d_process_group, 32);
 L4D_FIELD(l4d_process_group, sum, 16);
-L4D_LAYOUT(l4d_measure_options, 56);
+L4D_LAYOUT(l4d_measure_options, 72);
+L4D_FIELD(l4d_measure_options, progress, 56);
 L4D_FIELD(l4d_measure_options, group, 48);
 L4D_FIELD(l4d_measure_options, agreement, 24);
 L4D_LAYOUT(l4d_measure_report, 80);

@@ -16,7 +16,7 @@ process = subprocess.Popen(sys.argv[1:] + ["--progress", "json"], stdout=subproc
                            stderr=subprocess.PIPE, text=True)
 # The first line of progress that counts something: the command is in the middle of its work.
 for line in process.stderr:
-    if '"encode"' in line:
+    if '"encode"' in line or '"sensitivity"' in line:
         break
 process.send_signal(signal.SIGINT)
 out, err = process.communicate(timeout=300)
@@ -29,6 +29,14 @@ expect_empty out
 expect_equal "$(cd d && echo *)" s.ply
 expect_equal "$(interrupt encode d/s.ply -o d/s.l4d --json --set kmeans-iterations=1000)" 130
 expect_json out 'd["error"]["code"] == 130 and d["error"]["name"] == "L4D_ERR_CANCELLED"'
+expect_equal "$(cd d && echo *)" s.ply
+
+# One large view: the signal comes while it is drawn, and the command does not end it first.
+"$PYTHON" -c 'import json
+pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 9], [0, 0, 0, 1]]
+cameras = [{"id": k, "K": [[4e3, 0, 4096], [0, 4e3, 4096], [0, 0, 1]], "w2c": pose} for k in range(3)]
+json.dump({"width": 8192, "height": 8192, "frames": 1, "cameras": cameras}, open("large.json", "w"))'
+expect_equal "$(interrupt sensitivity d/s.ply --cameras large.json --all-views -o d/w.ply)" 130
 expect_equal "$(cd d && echo *)" s.ply
 
 # stderr is no terminal here: nothing by default, lines when asked for.

@@ -5,7 +5,8 @@ make_scene s.ply 800
 
 # No input, or none that is a file.
 expect_document 3 info missing.l4d
-expect_document 3 encode . -o x.l4d
+expect_document 3 decode . -o x.ply
+expect_document 5 encode . -o x.l4d # a folder is one of frames, and s.ply is none
 expect_document 3 encode s.ply -o nowhere/x.l4d
 expect_missing x.l4d
 

@@ -20,18 +20,35 @@ named() {
 zip() { # zip FILE NAME: a ZIP archive of one file
   "$PYTHON" -c 'import sys, zipfile; zipfile.ZipFile(sys.argv[1], "w").writestr(sys.argv[2], b"x" * 99)' "$@"
 }
-head -c 64 /dev/zero > a.ksplat
-named a.ksplat 'a KSPLAT file, .*splat-transform IN out.ply'
-head -c 64 /dev/zero > A.SPLAT
-named A.SPLAT 'a SPLAT file, '
-gzip -c s.ply > a.spz
-named a.spz 'an SPZ file, .*splat-transform'
-cp a.spz a.ply.gz
+printf 'xgrids' > a.lcc
+named a.lcc 'an LCC file, .*splat-transform IN out.ply'
+gzip -c s.ply > a.ply.gz
 named a.ply.gz 'a gzip file, .*unpack it first'
+# Formats that are read, but not these bytes.
+cp a.ply.gz a.spz
+expect 4 encode a.spz -o x.l4d
+expect_text err 'a.spz: no SPZ file'
 printf 'NGSP%060d' 0 > unnamed
-named unnamed 'an SPZ file, '
+expect 5 encode unnamed -o x.l4d
+expect_text err 'unnamed: version .* of SPZ'
+head -c 5000 /dev/zero > a.ksplat
+expect 5 encode a.ksplat -o x.l4d
+expect_text err 'a.ksplat: version 0.0 of KSPLAT'
+head -c 63 /dev/zero > A.SPLAT
+expect 4 encode A.SPLAT -o x.l4d
+expect_text err 'A.SPLAT: 63 bytes are no multiple of 32'
+printf '\x894DGS9\r\n' > a.4dgs
+expect 5 encode a.4dgs -o x.l4d
+expect_text err 'a.4dgs: version 9 of .4dgs'
+cp a.ksplat b.4dgs
+expect 4 info b.4dgs
+expect_text err 'b.4dgs: no .4dgs file'
 zip a.sog meta.json
-named a.sog 'an SOG file, '
+expect 4 encode a.sog -o x.l4d
+expect_text err 'a.sog: meta.json is no object'
+zip b.sog image.webp
+expect 4 info b.sog
+expect_text err 'b.sog: the ZIP archive has no file meta.json'
 zip a.npz position.npy
 named a.npz 'an archive of NumPy arrays, .*export a PLY'
 zip a.pt archive/data.pkl
@@ -40,6 +57,8 @@ zip other notes.txt
 named other 'a ZIP archive, '
 printf 'glTF%060d' 0 > a.glb
 named a.glb 'a glTF file, '
+head -c 100 /dev/zero > junk.glb
+named junk.glb 'not a glTF file, although its name says so'
 printf '\x93NUMPY%060d' 0 > a.l4d
 named a.l4d 'a NumPy array, '
 echo '{"frames": []}' > transforms.json
@@ -52,8 +71,7 @@ printf '<!DOCTYPE html><html>%060d' 0 > page
 named page 'a web page, '
 printf 'version https://git-lfs.github.com/spec/v1\n%060d' 0 > pointer.ply
 named pointer.ply 'a pointer of Git LFS .*git lfs pull'
-l4d decode s.ply --format raw -o s.safetensors -q
-named s.safetensors 'a file of tensors, '
+"$PYTHON" -c 'import struct; open("s.safetensors", "wb").write(struct.pack("<Q", 8) + b"{\"a\":{} }"[:8])'
 l4d info - < a.glb > out 2> err && die 'a glTF file was taken from stdin'
 expect_text err 'stdin: this is a glTF file'
 
@@ -72,9 +90,13 @@ expect 4 validate zeros
 expect_text out 'FILE-1'
 
 # Names of formats that are not written.
-for name in x.spz x.sog x.glb x.splat x.ksplat x.usda x.npz x.compressed.ply x.4dgs x.safetensors x.L4D; do
+for name in x.splat x.ksplat x.splatv x.usdc x.npz x.compressed.ply x.safetensors x.L4D; do
   expect 2 slice s.l4d --time 0 -o $name
   expect_text err "'$name' ends in"
+  expect 2 decode s.l4d -o $name
+done
+expect 2 slice s.l4d --time 0 -o x.4dgs
+for name in x.spz x.sog x.glb x.usda; do
   expect 2 decode s.l4d -o $name
 done
 for name in x.npz x.ply x.pt x.npy; do

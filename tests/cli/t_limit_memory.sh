@@ -57,6 +57,18 @@ expect_below "$(peak 6 render veils.l4d --size 8000x8000 -o none.png --limit-mem
   $((base + 96))
 expect_text err 'an image needs'
 
+# Cameras larger than that, whose pixels importance needs numbers for.
+"$PYTHON" -c 'import json
+pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]]
+camera = {"id": 0, "K": [[8e3, 0, 8192], [0, 8e3, 8192], [0, 0, 1]], "w2c": pose}
+json.dump({"width": 16384, "height": 16384, "frames": 1, "cameras": [camera]}, open("large.json", "w"))'
+for verb in "sensitivity s.ply -o none.ply" "encode s.ply -o none.l4d"; do
+  # shellcheck disable=SC2086
+  expect_below "$(peak 6 $verb --cameras large.json --limit-memory 160MiB)" $((base + 160))
+  expect_text err 'the signs of the pixels of a view needs'
+  expect_missing none.ply none.l4d
+done
+
 # What a session keeps: 30,000 Gaussians of some 400 bytes.
 expect_below "$(peak 6 encode --live veils.ply -o none.l4d --limit-memory 64MiB)" $((base + 64))
 expect_text err 'the session would keep 30000 Gaussians of the piece and 0 of those before, which need'
@@ -69,4 +81,37 @@ expect_text err 'the decoded scene needs'
 expect_below "$(peak 6 slice veils.l4d --time 0.5 -o none.ply --limit-memory 8MB)" $((base + 8))
 expect_below "$(peak 0 decode veils.l4d -o all.ply --limit-memory 64MiB)" $((base + 64))
 expect_below "$(peak 6 compare veils.l4d veils.l4d --limit-memory 24MiB)" $((base + 24))
+# So does what the writers of instants make.
+if l4d slice veils.l4d --time 0.5 -o any.sog -q; then
+  expect_below "$(peak 6 slice veils.l4d --time 0.5 -o none.sog --limit-memory 32MB)" $((base + 32))
+  expect_text err 'none.sog.* as SOG needs'
+  expect_missing none.sog
+  expect_below "$(peak 0 slice veils.l4d --time 0.5 -o large.sog --limit-memory 160MB)" $((base + 160))
+else
+  l4d slice veils.l4d --time 0.5 -o any.sog 2> err || true
+  expect_text err WebP
+fi
+# Who is refused a share of the limit is told of what it is a share.
+expect 6 render veils.l4d -o none.png --limit-memory 1MB
+expect_text err 'the limit is 500000, a share of --limit-memory 1MB$'
 expect_missing none.ply
+
+# What the machine does not have: one message, wherever in the tool that is noticed.
+"$PYTHON" - <<'PY'
+import os, resource, subprocess
+def run(kib):
+    limit = lambda: resource.setrlimit(resource.RLIMIT_AS, (1024 * kib, 1024 * kib))
+    return subprocess.run([os.environ["L4DCODEC"], "decode", "veils.l4d", "-o", "little.ply", "-f", "-q"], preexec_fn=limit,
+                          stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+# From where the loader can load all libraries, in steps until the command succeeds.
+kib = 8 << 10
+while (done := run(kib)).returncode == 127 or done.returncode < 0:
+    kib += 128
+refused = 0
+while done.returncode != 0:
+    assert done.returncode == 7 and "memory" in done.stderr, (kib, done.returncode, done.stderr)
+    refused += 1
+    kib += max(128, kib // 64)
+    done = run(kib)
+assert refused > 2, refused
+PY

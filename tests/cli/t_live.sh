@@ -14,6 +14,13 @@ expect_json listed '[m["role"] for m in d["members"]] == ["standing"] + ["media"
 expect_json listed 'all(m["needs"] == [0] for m in d["members"] if m["role"] == "media")'
 expect 0 manifest live.l4d -o again.m3u8
 cmp live.m3u8 again.m3u8
+# spec: PLST-3
+stream_of() { sed -n 's/^#EXT-X-L4D-STREAM:\([1-9][0-9]*\)$/\1/p' "$1"; }
+first=$(stream_of live.m3u8)
+[ -n "$first" ] || die 'the playlist states no stream'
+make_scene other.ply 300
+expect 0 encode --live other.ply --segment 1 -o other.l4d --playlist other.m3u8
+[ "$(stream_of other.m3u8)" != "$first" ] || die 'another recording has the same number'
 # The same seed gives the same file.
 expect 0 encode --live s.ply --segment 1 -o twice.l4d
 cmp live.l4d twice.l4d
@@ -127,14 +134,15 @@ expect 0 info grows.l4d
 expect_text out '^grows.l4d: 0 media and 1 standing members, no media member yet'
 
 # What cannot be.
-expect 2 encode 0.ply 1.ply -o two.l4d
+expect 5 encode 0.ply 1.ply -o two.l4d
+expect_text err '0.ply: a scene that changes over time; a frame of a sequence is a static one'
 expect 2 encode s.ply --segment 1 -o two.l4d
 expect 2 encode --live s.ply --segment 0 -o two.l4d
 expect 2 encode --live s.ply --verify -o two.l4d
 expect 2 encode --live s.ply -o -
 expect 2 encode --live parts
 expect 4 encode --live 1.ply 0.ply -o back.l4d
-expect_text err '0.ply: .*begins at 0.*back.l4d ends at 4 s, with the [0-9]+ members that are whole'
+expect_text err '0.ply: .*begins at 0.*back.l4d ends at 4 s, with the [0-9]+ whole members'
 expect_document 0 info back.l4d
 expect_json out 'd["members"][-1]["role"] == "index"'
 mkdir none

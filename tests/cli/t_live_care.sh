@@ -81,6 +81,22 @@ expect 0 validate hole.l4d
 expect_document 0 encode --live g0.ply g1.ply g2.ply g3.ply -o whole.l4d
 expect_json out 'not d.get("notes")'
 
+# Lossless is what is drawn: what is fainter is left out, and counted.
+"$PYTHON" - << 'PY'
+import struct
+data = open("g0.ply", "rb").read()
+head, body = data.split(b"end_header\n", 1)
+names = [line.split()[1:] for line in head.decode().splitlines() if line.startswith("property")]
+at = sum({"float": 4, "double": 8}[kind] for kind, name in names[:[n for _, n in names].index("opacity")])
+body = bytearray(body)
+body[at:at + 4] = struct.pack("<f", -8)
+open("faint.ply", "wb").write(head + b"end_header\n" + bytes(body))
+PY
+expect_document 0 encode --live faint.ply --preset lossless -o faint.l4d -f
+expect_json out 'd["notes"] == ["faint.ply: 1 Gaussian of an opacity below 1/255 left out, which nothing draws"]'
+expect_document 0 encode --live g0.ply --preset lossless -o faint.l4d -f
+expect_json out 'not d.get("notes")'
+
 # A piece without Gaussians is time in which what is known lives on; also the first one.
 for k in 0 1 2; do piece $k 2 30 "q$k.ply" 50; done
 "$PYTHON" - << 'PY'
@@ -142,7 +158,7 @@ expect_json behind.json 'sum("piece_7.ply came after" in n for n in d["notes"]) 
 # A piece that is wrong ends the file as a whole one.
 printf 'ply\nnonsense\n' > bad.ply
 expect 4 encode --live q0.ply q1.ply bad.ply q2.ply -o broken.l4d --playlist broken.m3u8
-expect_text err 'bad.ply: .*; broken.l4d ends at 4 s, with the [0-9]+ members that are whole'
+expect_text err 'bad.ply: .*; broken.l4d ends at 4 s, with the [0-9]+ whole members'
 expect 0 validate broken.l4d
 expect_document 0 info broken.l4d
 expect_json out 'd["members"][-1]["role"] == "index"'

@@ -204,6 +204,8 @@ import re
 text = open("abc.m3u8").read().split("\n")
 data = open("abc.l4d", "rb").read()
 assert text[0] == "#EXTM3U" and text[-2] == "#EXT-X-ENDLIST", text
+# Members that were put together have no number in common.
+assert not any(line.startswith("#EXT-X-L4D-STREAM") for line in text), text
 ranges = [re.fullmatch(r"#EXT-X-BYTERANGE:(\d+)@(\d+)", line) for line in text]
 ranges = [(int(m.group(2)), int(m.group(1))) for m in ranges if m]
 assert len(ranges) == 3 and all(data[at:at + 4] == b"\x89L4D" for at, _ in ranges)

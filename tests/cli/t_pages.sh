@@ -70,7 +70,7 @@ for verb in "${verbs[@]}"; do
 done
 section_of '.SS l4dcodec encode' > section
 grep -qx 'paper-small' section || die "man page: no preset paper-small"
-grep -qxE 'codebook-size 1..65536 C' section || die "man page: no parameter codebook-size"
+grep -A 1 -x 'codebook-size' section | grep -qF '(1..65536, by component, default 1024)' || die "man page: no parameter codebook-size"
 
 # ---- bash ----------------------------------------------------------------------------------------
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # shellcheck shell=bash
-# The example player over plan and supply, on a simulated link.
+# The example player over the playback engine, on a simulated link.
 player=$(dirname "$L4DCODEC")/l4d_example_player_async
 l4d synth --scene cloud --seconds 60 --gaussians 20000 -o scene.ply > log
 l4d encode scene.ply --quiet -o scene.l4d > log
@@ -37,6 +37,6 @@ expect_text out 'at the end rung [123] of 4$'
 # What is no stream, or a damaged one, ends with a message.
 head -c 100000 /dev/zero > zero
 if "$player" zero > out 2> err; then die "zeros play"; fi
-expect_text err 'L4D_ERR_NOT_L4D'
+expect_text err 'not l4d'
 if "$player" > out 2> err; then die "no file plays"; fi
 expect_text err '^usage'

@@ -26,7 +26,7 @@ expect_json out 'd["verify"]["attributes"]["opacity"]["max"] > 0.01'
 # --refit 0 is what the weights alone give.
 expect_document 0 encode s.ply --cameras c.json --quality 36 --refit 0 -o none.l4d --save-weights w.ply
 expect_json out '"refit" not in d and d["quality"] == 36'
-expect 0 encode s.ply --cameras c.json --weights w.ply --set weight-views=1 --quality 36 -o file.l4d
+expect 0 encode s.ply --cameras c.json --weights w.ply --prune-weight 0 --quality 36 -o file.l4d
 cmp none.l4d file.l4d
 if cmp -s none.l4d d.l4d; then die "the refit does nothing"; fi
 

@@ -17,6 +17,14 @@ expect_json out 'd["presentation"]["camera"]["position"] == [0, 1, 5]'
 expect 0 info stated.l4d
 expect_text out '^rendering: dilation=2,compensation=1$'
 
+# What people are told, too, and no terminal by itself.
+expect 0 encode s.ply -o told.l4d --metadata $'by=\xc3\xa4 "b"' --metadata $'bell=\a\e[2J'
+expect_document 0 info told.l4d
+expect_json out 'd["metadata"] == [{"key": "by", "value": "\u00e4 \"b\""}, {"key": "bell", "value": "\a\x1b[2J"}]'
+expect 0 info told.l4d
+expect_text out '^metadata: "by" "ä ."b.""$'
+expect_text out '^metadata: "bell" ".u0007.u001b.2J"$'
+
 # Attributes are the same bits; pictures are not.
 expect 0 decode --digest plain.l4d
 cp out plain.digest

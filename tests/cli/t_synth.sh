@@ -31,6 +31,14 @@ expect_json out 'd["scene"] == "square" and d["num_gaussians"] == 3000 and "drop
 expect 0 render square.ply --cameras square.json --camera 0 --time 1 -o square.png
 expect 0 synth --scene square -n 3k --seconds 2 -o square1.ply --threads 1
 cmp square.ply square1.ply
+# The room is another place of the same kind.
+expect_document 0 synth --scene room -n 3k --seconds 2 --cameras-out room.json -o room.ply
+expect_json out 'd["scene"] == "room" and d["num_gaussians"] == 3000 and "drops" in d["effects"]'
+expect 0 render room.ply --cameras room.json --camera 100 --time 1 -o room.png
+expect 0 synth --scene room -n 3k --seconds 2 -o room1.ply --threads 1
+cmp room.ply room1.ply
+expect 2 synth --scene room --effects appear -o f.ply
+expect 2 synth --scene room --static-gaussians 10 -o f.ply
 expect 2 synth --scene street -o f.ply
 expect 2 synth --effects appear -o f.ply
 expect 2 synth --static-gaussians 10 -o f.ply

@@ -6,6 +6,9 @@ expect 0 encode scene.ply -o plain.l4d
 expect 0 encode scene.ply -o tiers.l4d --tiers 0.15,0.5
 expect 0 encode scene.ply -o same.l4d --set tiers=0.15,0.5
 cmp tiers.l4d same.l4d
+make_scene few.ply 200
+expect 0 encode few.ply -o few.l4d --tiers 0.15,0.5
+expect_text err '--tiers: the stream has one tier'
 expect 0 validate tiers.l4d
 
 expect_document 0 info plain.l4d

@@ -72,3 +72,15 @@ cmp same.png whole.png
 # Over a sequence each place is listed once.
 expect_document 0 render bad.l4d --fps 10 --cameras cameras.json --tolerant -o r_%02d.png
 expect_json out 'd["frames"] == 20 and len(d["losses"]) == 3'
+
+# What is damaged all over leaves nothing, which is no result: all pages lie in what is changed here.
+"$PYTHON" - <<'PY'
+data = bytearray(open("s.l4d", "rb").read())
+for at in range(len(data) // 25, len(data), 64):
+    data[at] ^= 0x20
+open("ruin.l4d", "wb").write(data)
+PY
+expect 4 decode ruin.l4d --tolerant -o ruin.ply
+expect_text err 'ruin.l4d: damaged or unreadable, all of it'
+expect 4 decode ruin.l4d --tolerant --format raw -o ruin.safetensors
+expect_missing ruin.ply ruin.safetensors

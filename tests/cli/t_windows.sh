@@ -96,4 +96,4 @@ expect 4 encode bad.ply -o bad.l4d
 expect_text err 'Gaussian 7 has an invalid window'
 expect 0 encode bad.ply -o bad.l4d --drop-invalid
 expect 5 decode f.l4d -o x.ply --format ftgs
-expect_text err 'ftgs_ply has no flat windows'
+expect_text err 'ftgs_ply has no flat windows; .ply and .4dgs have'

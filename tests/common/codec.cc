@@ -28,39 +28,43 @@ EncodeOptions small_options() {
                 {L4D_ENC_MAX_OPACITY_ERROR, 0},
                 {L4D_ENC_MAX_BASE_COLOR_ERROR, 0},
                 {L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR, 0}};
-  o.stages = {{L4D_ALL_COMPONENTS, {1}}};
+  o.stages = {{L4D_ENC_STAGES, {1}}};
   return o;
+}
+
+l4d_importance importance_of(const TestScene& scene, const EncodeOptions& options) {
+  l4d_importance importance = L4D_INIT(l4d_importance);
+  importance.count = scene.count();
+  importance.metric = options.metric;
+  importance.views = options.views;
+  for (const auto& [which, weights] : options.weights) {
+    importance.weights[which] = weights->data();
+  }
+  if (options.min_sizes != nullptr) importance.min_sizes = options.min_sizes->data();
+  return importance;
 }
 
 void prepare_encoder(const TestScene& scene, const EncodeOptions& options, const EncoderHandle& e) {
   e.check(l4d_encoder_set_preset(e.get(), options.preset));
-  e.check(l4d_encoder_set(e.get(), L4D_ENC_RANS, L4D_ALL_COMPONENTS, options.rans ? 1 : 0));
-  for (const Setting& s : options.settings) {
-    e.check(l4d_encoder_set(e.get(), s.id, s.component, s.value));
-  }
-  for (const auto& [component, fractions] : options.stages) {
-    e.check(l4d_encoder_set_stages(e.get(), component, static_cast<uint32_t>(fractions.size()),
-                                   fractions.data()));
-  }
-  e.check(l4d_encoder_set_tiers(e.get(), static_cast<uint32_t>(options.tiers.size()),
-                                options.tiers.data()));
+  e.set(L4D_ENC_RANS, options.rans ? 1 : 0);
+  for (const Setting& s : options.settings) e.set(s.name, s.value);
+  for (const auto& [name, fractions] : options.stages) e.set_list(name, fractions);
+  e.set_list(L4D_ENC_TIERS, options.tiers);
   const l4d_gaussians view = scene.view();
   e.check(l4d_encoder_set_scene(e.get(), &view, &scene.timeline, nullptr));
-  for (const auto& [which, weights] : options.weights) {
-    e.check(l4d_encoder_set_weights(e.get(), which, weights->data(), weights->size()));
-  }
+  const l4d_importance importance = importance_of(scene, options);
+  e.check(l4d_encoder_set_importance(e.get(), &importance));
 }
 
 Encoded encode(const TestScene& scene, const EncodeOptions& options) {
-  l4d_encoder_options o;
-  l4d_encoder_options_init(&o);
+  l4d_encoder_options o = L4D_INIT(l4d_encoder_options);
   o.threads = options.threads;
   o.seed = options.seed;
   EncoderHandle e(&o);
   prepare_encoder(scene, options, e);
   Encoded out;
   out.bytes = e.encode();
-  l4d_encode_report_init(&out.report);
+  out.report = L4D_INIT(l4d_encode_report);
   e.check(l4d_encoder_get_report(e.get(), &out.report));
   out.order.resize(out.report.coded_gaussians);
   e.check(l4d_encoder_get_order(e.get(), out.order.data(), out.order.size()));
@@ -91,7 +95,7 @@ const Bytes& transform_file() {
 const Bytes& staged_file() {
   static const Bytes kBytes = [] {
     EncodeOptions o = small_options();
-    o.stages = {{L4D_ALL_COMPONENTS, {1.0f, 0.5f, 0.25f}}};
+    o.stages = {{L4D_ENC_STAGES, {1.0f, 0.5f, 0.25f}}};
     const TestScene scene = make_scene({});
     std::vector<float> weights(scene.count());
     for (size_t i = 0; i < weights.size(); ++i) weights[i] = static_cast<float>(i % 40);
@@ -167,30 +171,26 @@ const Bytes& tiny_file() {
 }
 
 l4d_decoder_options decoder_options(uint32_t backend, uint32_t threads) {
-  l4d_decoder_options o;
-  l4d_decoder_options_init(&o);
+  l4d_decoder_options o = L4D_INIT(l4d_decoder_options);
   o.backend = backend;
   o.threads = threads;
   return o;
 }
 
 l4d_query all_query() {
-  l4d_query q;
-  l4d_query_init(&q);
+  l4d_query q = L4D_INIT(l4d_query);
   return q;
 }
 
 l4d_query time_query(double time) {
-  l4d_query q;
-  l4d_query_init(&q);
+  l4d_query q = L4D_INIT(l4d_query);
   q.kind = L4D_QUERY_TIME;
   q.time_begin = time;
   return q;
 }
 
 l4d_query range_query(double begin, double end) {
-  l4d_query q;
-  l4d_query_init(&q);
+  l4d_query q = L4D_INIT(l4d_query);
   q.kind = L4D_QUERY_RANGE;
   q.time_begin = begin;
   q.time_end = end;
@@ -259,8 +259,7 @@ testing::AssertionResult same_bits(const SplatArrays& a, const SplatArrays& b) {
 }
 
 l4d_reader memory_reader(const Bytes& bytes) {
-  l4d_reader r;
-  l4d_reader_init(&r);
+  l4d_reader r = L4D_INIT(l4d_reader);
   r.user = const_cast<Bytes*>(&bytes);
   r.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
     const Bytes& from = *static_cast<const Bytes*>(user);

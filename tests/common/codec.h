@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "l4d/experimental/parameters.h"
 #include "l4d/l4d.hpp"
 #include "libl4dcodec/base/bytes.h"
 #include "tests/common/test_scene.h"
@@ -16,20 +17,22 @@
 namespace l4d::test {
 
 struct Setting {
-  l4d_encoder_parameter id;
+  const char* name;  // of a parameter
   double value;
-  int32_t component = L4D_ALL_COMPONENTS;
 };
 
 struct EncodeOptions {
   const char* preset = "indexed";
   bool rans = false;  // pages of streams, which tests can take apart, unless set
   std::vector<Setting> settings;
-  std::vector<std::pair<int32_t, std::vector<float>>> stages;  // component, fractions
+  std::vector<std::pair<const char*, std::vector<double>>> stages;  // L4D_ENC_STAGES, fractions
   uint32_t threads = 1;
   uint64_t seed = 0;
   std::vector<std::pair<uint32_t, const std::vector<float>*>> weights;  // L4D_WEIGHT_*, [n]
-  std::vector<float> tiers;                                             // shares
+  uint32_t metric = L4D_SENSITIVITY_SUM;                                // of weights
+  uint32_t views = L4D_WEIGHT_VIEWS_UNKNOWN;                            // of weights
+  const std::vector<float>* min_sizes = nullptr;                        // [n]
+  std::vector<double> tiers;                                            // shares
 };
 
 struct Encoded {
@@ -43,6 +46,8 @@ EncodeOptions small_options();
 
 // Throw l4d::Error.
 Encoded encode(const TestScene& scene, const EncodeOptions& options);
+// Of options.weights and the like, borrowed.
+l4d_importance importance_of(const TestScene& scene, const EncodeOptions& options);
 void prepare_encoder(const TestScene& scene, const EncodeOptions& options,
                      const EncoderHandle& encoder);
 

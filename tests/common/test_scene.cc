@@ -32,8 +32,7 @@ void random_rotor(Random& random, double speed, float* out) {
 double TestScene::duration() const { return sequence_duration(timeline); }
 
 l4d_gaussians TestScene::view() const {
-  l4d_gaussians g;
-  l4d_gaussians_init(&g);
+  l4d_gaussians g = L4D_INIT(l4d_gaussians);
   g.count = count();
   g.sh_degree = sh_degree;
   g.flags = flags;

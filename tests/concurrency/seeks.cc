@@ -66,8 +66,7 @@ SharedReader::SharedReader(const std::string& path)
 SharedReader::~SharedReader() { ::close(fd_); }
 
 l4d_reader SharedReader::reader() const {
-  l4d_reader r;
-  l4d_reader_init(&r);
+  l4d_reader r = L4D_INIT(l4d_reader);
   r.user = const_cast<SharedReader*>(this);
   r.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
     return ::pread(static_cast<SharedReader*>(user)->fd_, dst, n, static_cast<off_t>(offset));

@@ -41,8 +41,7 @@ uint64_t hash_of(const l4d::GaussianArrays& a) {
 }
 
 l4d_query query_of(uint32_t kind) {
-  l4d_query query;
-  l4d_query_init(&query);
+  l4d_query query = L4D_INIT(l4d_query);
   query.kind = kind;
   return query;
 }
@@ -60,7 +59,7 @@ std::vector<NamedQuery> queries_of(const l4d_info& info) {
   range.query.time_begin = begin + 0.2 * info.duration;
   range.query.time_end = begin + 0.6 * info.duration;
   NamedQuery base{"base_color", query_of(L4D_QUERY_ALL)};
-  base.query.detail = L4D_DETAIL_BASE_COLOR;
+  base.query.point.detail = L4D_DETAIL_BASE_COLOR;
   return {{"all", query_of(L4D_QUERY_ALL)}, time, range, base};
 }
 
@@ -79,8 +78,7 @@ void print_line(const char* name, const char* backend, const char* query, const 
 void print_digest(const char* name, const Content& content) {
   for (const bool reference : {true, false}) {
     const char* backend = reference ? "reference" : "simd";
-    l4d_decoder_options options;
-    l4d_decoder_options_init(&options);
+    l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
     options.threads = 1;
     options.backend = reference ? L4D_BACKEND_REFERENCE : L4D_BACKEND_CPU;
     l4d::DecoderHandle decoder(&options);
@@ -98,8 +96,7 @@ void print_digest(const char* name, const Content& content) {
 
 void print_time(const char* name, const Content& content) {
   using Clock = std::chrono::steady_clock;
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   options.threads = 1;
   double best = 1e30;
   for (int round = 0; round < 9; ++round) {

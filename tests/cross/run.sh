@@ -41,6 +41,8 @@ case $target in
     suffix=.js
     # Debian's own modules of node, where Emscripten's packages look for them.
     export NODE_PATH=${NODE_PATH:-/usr/share/nodejs}
+    # Each compile starts Python, which may be a script that looks for it.
+    export EMSDK_PYTHON=${EMSDK_PYTHON:-$(python3 -c 'import sys; print(sys.executable)')}
     ;;
   mingw)
     needs=(x86_64-w64-mingw32-g++-posix)
@@ -87,13 +89,13 @@ mkdir -p "$work/$target"
 log=$work/$target/log
 build=$work/$target/build
 if [[ $target == wasm ]]; then
-  # The objects of l4d.wasm, of the build that web/build.sh makes; tests are added to it.
-  build=$root/build/wasm prefix=$root/build/wasm-prefix
+  # What l4d.wasm links, and beside it a build with tests: all that the module leaves out is there to be compared with.
+  prefix=$root/build/wasm-prefix
   export PKG_CONFIG_LIBDIR=$prefix/lib/pkgconfig
   echo "== l4d.wasm, then tests of its decoder"
   quietly "$log" "$root/web/build.sh" wasm
-  (cd "$root" && quietly "$log" cmake --preset wasm -DL4D_BUILD_TESTS=ON \
-    -DGTest_DIR="$prefix/lib/cmake/GTest")
+  (cd "$root" && quietly "$log" cmake --preset wasm -B "$build" -DL4D_BUILD_TESTS=ON \
+    -DGTest_DIR="$prefix/lib/cmake/GTest" "${options[@]:1}")
   quietly "$log" cmake --build "$build" -j "$jobs" --target l4d_digest l4d_answer l4d_loops_test
 else
   echo "== dependencies for $target"

@@ -3,6 +3,7 @@
 // the form asked for.
 #include <gtest/gtest.h>
 
+#include "l4d/experimental/packed.h"
 #include "tests/common/codec.h"
 #include "tests/common/flush_to_zero.h"
 #include "tests/decoder/packed.h"
@@ -107,8 +108,7 @@ TEST_P(PackedBackends, ExpandsToTheSameBits) {
       for (const l4d_query& q : {all_query(), time_query(1.1)}) {
         GaussianArrays want = d.decode(q);
         for (const l4d_bucket_span& r : want.spans) {
-          l4d_layer_info layer;
-          l4d_layer_info_init(&layer);
+          l4d_layer_info layer = L4D_INIT(l4d_layer_info);
           ASSERT_EQ(l4d_decoder_get_layer_info(d.get(), r.layer, &layer), L4D_OK);
           if (layer.permanent == 0) continue;
           const float log_scale_t = want.log_scale[4 * r.first + 3];
@@ -168,8 +168,7 @@ TEST(TestFiles, UseTheToolsTheyAreFor) {
   EXPECT_NE(tools(lossless_file()) & L4D_TOOL_LOSSLESS, 0u);
   DecoderHandle d;
   d.open_memory(dynamic_file().data(), dynamic_file().size());
-  l4d_layer_info layer;
-  l4d_layer_info_init(&layer);
+  l4d_layer_info layer = L4D_INIT(l4d_layer_info);
   ASSERT_EQ(l4d_decoder_get_layer_info(d.get(), 0, &layer), L4D_OK);
   EXPECT_EQ(layer.permanent, 1u);
   EXPECT_GE(d.info().num_layers, 4u);
@@ -183,8 +182,7 @@ TEST(TestFiles, UseTheToolsTheyAreFor) {
 TEST(Packed, LosslessStreamsHaveNone) {
   DecoderHandle d;
   d.open_memory(lossless_file().data(), lossless_file().size());
-  l4d_packed_buffers b;
-  l4d_packed_buffers_init(&b);
+  l4d_packed_buffers b = L4D_INIT(l4d_packed_buffers);
   b.capacity = 1u << 20;
   const l4d_query q = all_query();
   EXPECT_EQ(l4d_decoder_decode_packed(d.get(), &q, &b), L4D_ERR_FEATURE_UNSUPPORTED);
@@ -195,15 +193,14 @@ TEST(Packed, EscapesOfOnePageDoNotShowInTheNext) {
   EncodeOptions o = small_options();
   const TestScene scene = make_scene({});
   const std::vector<float> weights(scene.count(), 1.0f);
-  o.settings.push_back({L4D_ENC_ESCAPE_THRESHOLD, 0.5, L4D_COMPONENT_ROTOR_TEMPORAL});
+  o.settings.push_back({L4D_ENC_ESCAPE_THRESHOLD ".rotor-temporal", 0.5});
   o.weights = {{L4D_WEIGHT_ROTOR_TEMPORAL, &weights}};
   const Bytes bytes = encode(scene, o).bytes;
   const l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
   DecoderHandle d(&options);
   d.open_memory(bytes.data(), bytes.size());
   uint64_t permanent = 0;
-  l4d_layer_info layer;
-  l4d_layer_info_init(&layer);
+  l4d_layer_info layer = L4D_INIT(l4d_layer_info);
   ASSERT_EQ(l4d_decoder_get_layer_info(d.get(), 0, &layer), L4D_OK);
   ASSERT_EQ(layer.permanent, 1u);
   permanent = layer.num_gaussians;
@@ -232,8 +229,7 @@ TEST(Packed, UnusedIndicesAreZeroAndNullArraysAreSkipped) {
     }
   }
   // One array at a time gives what all together give.
-  l4d_packed_buffers b;
-  l4d_packed_buffers_init(&b);
+  l4d_packed_buffers b = L4D_INIT(l4d_packed_buffers);
   std::vector<uint16_t> index(3 * n, 0xeeee);
   b.capacity = n;
   b.component[L4D_COMPONENT_SH].index = index.data();
@@ -243,7 +239,7 @@ TEST(Packed, UnusedIndicesAreZeroAndNullArraysAreSkipped) {
   EXPECT_EQ(b.component[L4D_COMPONENT_SH].num_escapes, all.num_escapes[L4D_COMPONENT_SH]);
   EXPECT_TRUE(std::equal(index.begin(), index.end(), all.index[L4D_COMPONENT_SH].begin()));
   std::vector<uint16_t> escape(48 * n);
-  l4d_packed_buffers_init(&b);
+  b = L4D_INIT(l4d_packed_buffers);
   b.capacity = n;
   b.component[L4D_COMPONENT_SH].escape = escape.data();
   b.component[L4D_COMPONENT_SH].escape_capacity = all.num_escapes[L4D_COMPONENT_SH] - 1;

@@ -14,8 +14,7 @@ namespace {
 using namespace test;
 
 l4d_counters counters(const DecoderHandle& d) {
-  l4d_counters c;
-  l4d_counters_init(&c);
+  l4d_counters c = L4D_INIT(l4d_counters);
   d.check(l4d_decoder_get_counters(d.get(), &c));
   return c;
 }
@@ -78,8 +77,7 @@ TEST_P(Cache, SteppingDecodesEachBucketOnce) {
   other.open_memory(bytes.data(), bytes.size());
   std::set<std::pair<uint32_t, uint32_t>> buckets;
   uint64_t uses = 0;
-  l4d_splat_buffers b;
-  l4d_splat_buffers_init(&b);
+  l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
   for (const double t : frames(bytes, 1)) {
     ASSERT_EQ(l4d_decoder_slice(d.get(), t, &b), L4D_OK);
     const GaussianArrays a = other.decode(time_query(t));
@@ -134,8 +132,7 @@ struct Player {
   // Buckets that had to be decoded.
   uint64_t show(double t) {
     const uint64_t before = counters(d).buckets_decoded;
-    l4d_splat_buffers b;
-    l4d_splat_buffers_init(&b);
+    l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
     EXPECT_EQ(l4d_decoder_slice(d.get(), t, &b), L4D_OK);
     return counters(d).buckets_decoded - before;
   }
@@ -244,7 +241,7 @@ TEST(MemoryLimit, IsHonouredAtEveryValue) {
         l4d_decoder_open_memory(d.get(), dynamic_file().data(), dynamic_file().size());
     if (opened != L4D_OK) {
       ASSERT_EQ(opened, L4D_ERR_LIMIT_EXCEEDED) << limit;
-      EXPECT_STRNE(l4d_decoder_error_message(d.get()), "");
+      EXPECT_STRNE(l4d_last_error_message(), "");
       refused = true;
       continue;
     }
@@ -287,11 +284,10 @@ TEST(MemoryLimit, CacheGivesWayToIt) {
   o.max_memory_bytes = largest_alone + (all_together - largest_alone) / 2;
   DecoderHandle d(&o);
   d.open_memory(bytes.data(), bytes.size());
-  l4d_splat_buffers b;
-  l4d_splat_buffers_init(&b);
+  l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
   for (const double t : frames(bytes, 5)) {
     ASSERT_EQ(l4d_decoder_slice(d.get(), t, &b), L4D_OK)
-        << "time " << t << ": " << l4d_decoder_error_message(d.get());
+        << "time " << t << ": " << l4d_last_error_message();
   }
 }
 
@@ -303,8 +299,7 @@ TEST(MemoryLimit, CountsWhatIsAllocated) {
   const AllocationMeter meter;
   DecoderHandle d(&o);
   d.open_memory(bytes.data(), bytes.size());
-  l4d_gaussian_buffers b;
-  l4d_gaussian_buffers_init(&b);
+  l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
   b.capacity = 24000;
   b.sh = sh.data();
   b.rotor = rotor.data();
@@ -370,8 +365,7 @@ TEST(Progress, CancelsAndLeavesTheHandleUsable) {
   }
   state.calls = 0;
   state.cancel_at = 0;
-  l4d_splat_buffers b;
-  l4d_splat_buffers_init(&b);
+  l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
   EXPECT_EQ(l4d_decoder_slice(d.get(), 1.0, &b), L4D_ERR_CANCELLED);
   state.cancel_at = -1;
   EXPECT_TRUE(same_bits(want, d.decode(all_query())));

@@ -39,7 +39,7 @@ void expect_clause(const Bytes& bytes, const char* clause, l4d_status status,
   } catch (const Error& e) {
     got = e.status();
   }
-  const std::string detail = l4d_decoder_error_message(d.get());
+  const std::string detail = l4d_last_error_message();
   if (seen == Seen::kByValidatorAlone) {
     EXPECT_EQ(got, L4D_OK) << detail;
     return;
@@ -377,7 +377,7 @@ TEST(Clause, CHNK_1_NoWrapAround) {
     DecoderHandle d;
     d.open_memory(bytes.data(), bytes.size());
     EXPECT_THROW(d.decode(all_query()), Error);
-    EXPECT_NE(std::string(l4d_decoder_error_message(d.get())).find("CHNK-1"), std::string::npos);
+    EXPECT_NE(std::string(l4d_last_error_message()).find("CHNK-1"), std::string::npos);
   }
 }
 

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Slices as columns: the Gaussians of l4d_decoder_slice, in another order and array.
+#include "l4d/experimental/columns.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,7 +23,7 @@ struct Columns {
   l4d_splat_columns columns;
 
   explicit Columns(size_t capacity) {
-    l4d_splat_columns_init(&columns);
+    columns = L4D_INIT(l4d_splat_columns);
     resize(capacity);
   }
   void resize(size_t capacity) {
@@ -47,8 +49,7 @@ struct Columns {
 // What l4d_decoder_slice gives of each Gaussian, by where its SH lies, which both forms tell.
 using Splat = std::vector<float>;  // position, covariance, opacity
 std::map<const float*, Splat> splats_at(const DecoderHandle& d, double time) {
-  l4d_splat_buffers b;
-  l4d_splat_buffers_init(&b);
+  l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
   d.check(l4d_decoder_slice(d.get(), time, &b));
   const size_t n = static_cast<size_t>(b.count);
   std::vector<float> position(3 * n), covariance(6 * n), opacity(n);

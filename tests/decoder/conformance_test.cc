@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <string>
 
+#include "l4d/experimental/inspect.hpp"
 #include "libl4dcodec/container/levels.h"
 #include "tests/common/codec.h"
 #include "tests/common/stream_editor.h"
@@ -18,7 +19,7 @@ using namespace test;
 l4d_stream_demand demand_of(const Bytes& file, uint64_t rate = 0, uint64_t burst = 0) {
   DecoderHandle d;
   d.open_memory(file.data(), file.size());
-  return d.demand(rate, burst);
+  return stream_demand(d, rate, burst);
 }
 
 class Streams : public testing::TestWithParam<NamedFile> {};
@@ -114,19 +115,17 @@ TEST(Conformance, MemoryIsLimited) {
     options.max_memory_bytes = limit;
     DecoderHandle d(&options);
     d.open_memory(file.data(), file.size());
-    l4d_stream_demand c;
-    l4d_stream_demand_init(&c);
+    l4d_stream_demand c = L4D_INIT(l4d_stream_demand);
     return l4d_decoder_get_stream_demand(d.get(), &c);
   };
   DecoderHandle d;
   d.open_memory(file.data(), file.size());
   l4d_counters before, after;
-  l4d_counters_init(&before);
-  l4d_counters_init(&after);
+  before = L4D_INIT(l4d_counters);
+  after = L4D_INIT(l4d_counters);
   d.check(l4d_decoder_get_counters(d.get(), &before));
   demand_of(file);
-  l4d_stream_demand c;
-  l4d_stream_demand_init(&c);
+  l4d_stream_demand c = L4D_INIT(l4d_stream_demand);
   d.check(l4d_decoder_get_stream_demand(d.get(), &c));
   d.check(l4d_decoder_get_counters(d.get(), &after));
   ASSERT_GT(after.peak_memory_bytes, before.memory_bytes);
@@ -142,8 +141,7 @@ TEST(Conformance, ADamagedDirectoryIsNoAnswer) {
   const Bytes bytes = editor.build();
   DecoderHandle d;
   d.open_memory(bytes.data(), bytes.size());
-  l4d_stream_demand c;
-  l4d_stream_demand_init(&c);
+  l4d_stream_demand c = L4D_INIT(l4d_stream_demand);
   EXPECT_EQ(l4d_decoder_get_stream_demand(d.get(), &c), L4D_ERR_CHECKSUM);
   // It is reported once, and does not count against the level.
   for (const Violation& v : validate(bytes))
@@ -156,8 +154,8 @@ TEST(Levels, LimitsGrow) {
   l4d_level_limits last{};
   for (uint32_t level = 1; level <= L4D_NUM_LEVELS; ++level) {
     l4d_level_limits l, lossless;
-    l4d_level_limits_init(&l);
-    l4d_level_limits_init(&lossless);
+    l = L4D_INIT(l4d_level_limits);
+    lossless = L4D_INIT(l4d_level_limits);
     ASSERT_EQ(l4d_get_level_limits(level, L4D_PROFILE_MAIN, &l), L4D_OK);
     ASSERT_EQ(l4d_get_level_limits(level, L4D_PROFILE_LOSSLESS, &lossless), L4D_OK);
     EXPECT_GT(l.instant_gaussians, last.instant_gaussians);

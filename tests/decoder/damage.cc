@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "l4d/experimental/copy.h"
+
 namespace l4d::test {
 
 Anatomy::Anatomy(const Bytes& file) : editor(file) {
@@ -220,8 +222,7 @@ std::vector<l4d_loss> losses_of(const DecoderHandle& decoder) {
 }
 
 l4d_counters counters_of(const DecoderHandle& decoder) {
-  l4d_counters c;
-  l4d_counters_init(&c);
+  l4d_counters c = L4D_INIT(l4d_counters);
   decoder.check(l4d_decoder_get_counters(decoder.get(), &c));
   return c;
 }
@@ -237,8 +238,7 @@ l4d_status strict_failure(const Bytes& bytes, const std::string& clause) {
 }
 
 l4d_writer writer_to(Bytes* out) {
-  l4d_writer writer;
-  l4d_writer_init(&writer);
+  l4d_writer writer = L4D_INIT(l4d_writer);
   writer.user = out;
   writer.write = [](void* user, const void* src, size_t n) {
     const auto* bytes = static_cast<const unsigned char*>(src);
@@ -252,8 +252,7 @@ l4d_writer writer_to(Bytes* out) {
 l4d_status copy_rest(const Bytes& stream, Bytes* out) {
   l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
   options.tolerant = 1;
-  l4d_member_parameters p;
-  l4d_member_parameters_init(&p);
+  l4d_member_parameters p = L4D_INIT(l4d_member_parameters);
   const l4d_reader reader = memory_reader(stream);
   const l4d_writer writer = writer_to(out);
   return l4d_copy_member(&reader, &options, &p, &writer, nullptr);

@@ -26,7 +26,7 @@ Outcome try_decode(const Bytes& bytes) {
     out.arrays = d.decode(all_query());
   } catch (const Error& e) {
     out.status = e.status();
-    EXPECT_STRNE(l4d_decoder_error_message(d.get()), "");
+    EXPECT_STRNE(l4d_last_error_message(), "");
   }
   return out;
 }
@@ -121,8 +121,7 @@ struct OddReader {
   int64_t size_offset = 0;
   int calls = 0;
   l4d_reader reader() {
-    l4d_reader r;
-    l4d_reader_init(&r);
+    l4d_reader r = L4D_INIT(l4d_reader);
     r.user = this;
     r.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
       OddReader& self = *static_cast<OddReader*>(user);
@@ -200,8 +199,7 @@ TEST(Reader, SizesThatLie) {
   DecoderHandle d;
   d.open(odd.reader());
   const l4d_query q = all_query();
-  l4d_gaussian_buffers b;
-  l4d_gaussian_buffers_init(&b);
+  l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
   b.capacity = 1000;
   EXPECT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_ERR_IO);
 }

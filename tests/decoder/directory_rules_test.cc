@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "l4d/experimental/inspect.h"
 #include "tests/common/codec.h"
 #include "tests/common/stream_editor.h"
 #include "tests/decoder/damage.h"
@@ -24,14 +25,13 @@ Bytes one_too_many(const Bytes& file, size_t index) {
 }
 
 l4d_status select_status(const DecoderHandle& decoder, const l4d_query& query) {
-  l4d_selection selection;
-  l4d_selection_init(&selection);
+  l4d_selection selection = L4D_INIT(l4d_selection);
   return l4d_decoder_select(decoder.get(), &query, &selection);
 }
 
-void expect_refused(const DecoderHandle& decoder, l4d_status status, const char* clause) {
+void expect_refused(l4d_status status, const char* clause) {
   EXPECT_EQ(l4d_status_name(status), std::string("L4D_ERR_CORRUPT"));
-  const std::string detail = l4d_decoder_error_message(decoder.get());
+  const std::string detail = l4d_last_error_message();
   EXPECT_EQ(detail.rfind(std::string("spec ") + clause + " at byte ", 0), 0u) << detail;
 }
 
@@ -62,23 +62,21 @@ TEST(DirectoryRules, ALayerWithoutAllItsGaussiansIsRefused) {
       const l4d_decoder_options o = decoder_options(L4D_BACKEND_AUTO, 1);
       DecoderHandle d(&o);
       d.open_memory(bytes.data(), bytes.size());
-      expect_refused(d, select_status(d, all_query()), "DIR-5");
+      expect_refused(select_status(d, all_query()), "DIR-5");
       const std::vector<l4d_bucket> whole = all_buckets(l, layer.level);
-      expect_refused(d, select_status(d, list_query(whole)), "DIR-5");
+      expect_refused(select_status(d, list_query(whole)), "DIR-5");
       l4d_query coarser = all_query();
       if (layer.level > 0) {
-        coarser.max_level = layer.level - 1;
+        coarser.point.levels = layer.level;
         EXPECT_EQ(select_status(d, coarser), L4D_OK);
       } else {
         // Level 0 has one directory page, which every instant reads.
-        expect_refused(d, select_status(d, time_query(0)), "DIR-5");
-        l4d_splat_buffers splats;
-        l4d_splat_buffers_init(&splats);
-        expect_refused(d, l4d_decoder_slice(d.get(), 0, &splats), "DIR-5");
+        expect_refused(select_status(d, time_query(0)), "DIR-5");
+        l4d_splat_buffers splats = L4D_INIT(l4d_splat_buffers);
+        expect_refused(l4d_decoder_slice(d.get(), 0, &splats), "DIR-5");
       }
-      l4d_stream_demand demand;
-      l4d_stream_demand_init(&demand);
-      expect_refused(d, l4d_decoder_get_stream_demand(d.get(), &demand), "DIR-5");
+      l4d_stream_demand demand = L4D_INIT(l4d_stream_demand);
+      expect_refused(l4d_decoder_get_stream_demand(d.get(), &demand), "DIR-5");
     }
   }
 }
@@ -142,12 +140,12 @@ TEST(DirectoryRules, PagesThatShareBytesAreRefusedWhereAQueryMeetsBoth) {
     o.tolerant = tolerant;
     DecoderHandle d(&o);
     d.open_memory(shared.bytes.data(), shared.bytes.size());
-    expect_refused(d, select_status(d, all_query()), "CHNK-4");
+    expect_refused(select_status(d, all_query()), "CHNK-4");
     const std::vector<l4d_bucket> both = {{shared.layer, shared.buckets[0]},
                                           {shared.layer, shared.buckets[1]}};
-    expect_refused(d, select_status(d, list_query(both)), "CHNK-4");
+    expect_refused(select_status(d, list_query(both)), "CHNK-4");
     for (const l4d_bucket& one : both) {
-      EXPECT_EQ(select_status(d, list_query({one})), L4D_OK) << l4d_decoder_error_message(d.get());
+      EXPECT_EQ(select_status(d, list_query({one})), L4D_OK) << l4d_last_error_message();
     }
   }
 }

@@ -26,8 +26,7 @@ Cost cost_of(const Bytes& bytes, uint64_t limit) {
   const AllocationMeter meter;
   DecoderHandle d(&o);
   cost.status = l4d_decoder_open_memory(d.get(), bytes.data(), bytes.size());
-  l4d_splat_buffers b;
-  l4d_splat_buffers_init(&b);
+  l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
   if (cost.status == L4D_OK) cost.status = l4d_decoder_slice(d.get(), 0, &b);
   cost.allocated = meter.peak();
   return cost;

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "l4d/experimental/copy.h"
 #include "tests/common/codec.h"
 #include "tests/decoder/damage.h"
 
@@ -23,8 +24,7 @@ using Members = std::unique_ptr<l4d_members, Destroy>;
 
 Members open(const Bytes& file, bool ignore_index = false, l4d_status want = L4D_OK) {
   const l4d_reader reader = memory_reader(file);
-  l4d_members_options options;
-  l4d_members_options_init(&options);
+  l4d_members_options options = L4D_INIT(l4d_members_options);
   options.ignore_index = ignore_index ? 1 : 0;
   l4d_members* out = nullptr;
   EXPECT_EQ(l4d_members_open(&reader, &options, &out), want) << l4d_last_error_message();
@@ -32,22 +32,19 @@ Members open(const Bytes& file, bool ignore_index = false, l4d_status want = L4D
 }
 
 l4d_members_info info_of(const Members& members) {
-  l4d_members_info info;
-  l4d_members_info_init(&info);
+  l4d_members_info info = L4D_INIT(l4d_members_info);
   EXPECT_EQ(l4d_members_get_info(members.get(), &info), L4D_OK);
   return info;
 }
 
 l4d_member member_of(const Members& members, uint64_t index) {
-  l4d_member member;
-  l4d_member_init(&member);
+  l4d_member member = L4D_INIT(l4d_member);
   EXPECT_EQ(l4d_members_get(members.get(), index, &member), L4D_OK);
   return member;
 }
 
 l4d_member_parameters parameters() {
-  l4d_member_parameters p;
-  l4d_member_parameters_init(&p);
+  l4d_member_parameters p = L4D_INIT(l4d_member_parameters);
   return p;
 }
 
@@ -212,14 +209,14 @@ TEST(Copies, OfTiersAndLevelsHaveWhatDecodersOfThoseSee) {
   for (const uint32_t tier : {2u, 1u, 0u}) {
     for (const uint32_t level : {UINT32_MAX, 0u}) {
       l4d_member_parameters p = parameters();
-      p.max_tier = tier;
-      p.max_level = level;
+      p.tiers = tier + 1;
+      p.levels = level + 1;
       Bytes copy;
       append(whole, p, &copy);
       EXPECT_TRUE(validate(copy).empty());
       l4d_query query = all_query();
-      query.max_tier = tier;
-      query.max_level = level;
+      query.point.tiers = tier + 1;
+      query.point.levels = level + 1;
       EXPECT_TRUE(same_bits(decode(copy, all_query()), decode(whole, query)));
       EXPECT_LT(copy.size(), before);
       if (level == UINT32_MAX) before = copy.size();
@@ -328,8 +325,7 @@ TEST(MemberList, HasTheWholeMembersOfAFileThatIsCutAnywhere) {
     l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
     options.accept_needs = 1;
     for (uint64_t i = 0; i < std::min<uint64_t>(whole, 3); ++i) {
-      l4d_reader reader;
-      l4d_reader_init(&reader);
+      l4d_reader reader = L4D_INIT(l4d_reader);
       ASSERT_EQ(l4d_members_get_reader(members.get(), i, &reader), L4D_OK);
       DecoderHandle decoder(&options);
       decoder.open(reader);
@@ -374,8 +370,7 @@ TEST(MemberList, PiecesOfAStreamShowWhatItShows) {
     uint64_t count = 0;
     ASSERT_EQ(l4d_members_get_shown(members.get(), t, &shown, 1, &count), L4D_OK);
     EXPECT_EQ(shown, static_cast<uint32_t>(k / 10));
-    l4d_reader reader;
-    l4d_reader_init(&reader);
+    l4d_reader reader = L4D_INIT(l4d_reader);
     ASSERT_EQ(l4d_members_get_reader(members.get(), shown, &reader), L4D_OK);
     DecoderHandle b;
     b.open(reader);
@@ -390,8 +385,7 @@ TEST(MemberList, AStaleIndexIsNoticed) {
   file[static_cast<size_t>(first.offset) + 10] ^= 2;
   const Members members = open(file);
   ASSERT_EQ(info_of(members).from_index, 1u);
-  l4d_reader reader;
-  l4d_reader_init(&reader);
+  l4d_reader reader = L4D_INIT(l4d_reader);
   EXPECT_EQ(l4d_members_get_reader(members.get(), 1, &reader), L4D_OK);
   EXPECT_EQ(l4d_members_get_reader(members.get(), 0, &reader), L4D_ERR_CHECKSUM);
 }
@@ -399,8 +393,7 @@ TEST(MemberList, AStaleIndexIsNoticed) {
 TEST(MemberList, ArgumentsAreChecked) {
   const Bytes file = small_chain();
   const Members members = open(file);
-  l4d_member out;
-  l4d_member_init(&out);
+  l4d_member out = L4D_INIT(l4d_member);
   EXPECT_EQ(l4d_members_get(members.get(), 4, &out), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(l4d_members_get(nullptr, 0, &out), L4D_ERR_INVALID_ARGUMENT);
   uint64_t count = 0;

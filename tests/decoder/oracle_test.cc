@@ -35,8 +35,7 @@ std::vector<Model> models(const DecoderHandle& d, const GaussianArrays& a) {
   const double begin = info.timeline.time_begin, end = begin + info.duration;
   std::vector<Model> out(a.count());
   for (const l4d_bucket_span& r : a.spans) {
-    l4d_layer_info layer;
-    l4d_layer_info_init(&layer);
+    l4d_layer_info layer = L4D_INIT(l4d_layer_info);
     d.check(l4d_decoder_get_layer_info(d.get(), r.layer, &layer));
     for (size_t i = r.first; i < r.first + r.count; ++i) {
       Model& m = out[i];

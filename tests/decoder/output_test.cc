@@ -4,6 +4,8 @@
 
 #include <numeric>
 
+#include "l4d/experimental/inspect.h"
+#include "l4d/experimental/packed.h"
 #include "tests/common/codec.h"
 
 namespace l4d {
@@ -42,8 +44,7 @@ TEST_P(Output, AnySubsetOfArraysIsDecoded) {
     GaussianArrays part = all;
     const auto got = arrays(part);
     for (auto* v : got) std::fill(v->begin(), v->end(), -77.0f);
-    l4d_gaussian_buffers b;
-    l4d_gaussian_buffers_init(&b);
+    l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
     b.capacity = all.count();
     attach(part, mask, &b);
     ASSERT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_OK);
@@ -67,8 +68,7 @@ TEST_P(Output, NothingBehindTheCountIsTouched) {
   const std::vector<size_t> dims = {3, 1, 1, 4, 8, 1, all.sh.size() / n};
   const auto got = arrays(larger);
   for (size_t i = 0; i < got.size(); ++i) got[i]->assign((n + 5) * dims[i], -77.0f);
-  l4d_gaussian_buffers b;
-  l4d_gaussian_buffers_init(&b);
+  l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
   b.capacity = n + 5;
   attach(larger, 127, &b);
   ASSERT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_OK);
@@ -90,8 +90,7 @@ TEST_P(Output, TooSmallArraysAreRefused) {
   const l4d_selection s = d.select(q);
   std::vector<float> opacity(s.num_gaussians, -77.0f);
   std::vector<l4d_bucket_span> spans(s.num_spans);
-  l4d_gaussian_buffers b;
-  l4d_gaussian_buffers_init(&b);
+  l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
   b.opacity = opacity.data();
   b.capacity = s.num_gaussians - 1;
   EXPECT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_ERR_BUFFER_TOO_SMALL);
@@ -111,8 +110,7 @@ TEST_P(Output, SliceArraysAndCapacity) {
   const DecoderHandle d = opened(GetParam().bytes());
   const SplatArrays all = d.slice(1.0);
   ASSERT_GT(all.count(), 0u);
-  l4d_splat_buffers b;
-  l4d_splat_buffers_init(&b);
+  l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
   ASSERT_EQ(l4d_decoder_slice(d.get(), 1.0, &b), L4D_OK);
   EXPECT_EQ(b.count, all.count());
   EXPECT_LE(b.count, d.select(time_query(1.0)).num_gaussians);
@@ -122,7 +120,7 @@ TEST_P(Output, SliceArraysAndCapacity) {
     const std::vector<float>* const want[] = {&all.position, &all.covariance, &all.opacity,
                                               &all.sh};
     for (auto* v : got) std::fill(v->begin(), v->end(), -77.0f);
-    l4d_splat_buffers_init(&b);
+    b = L4D_INIT(l4d_splat_buffers);
     float** const to[] = {&b.position, &b.covariance, &b.opacity, &b.sh};
     for (unsigned i = 0; i < 4; ++i) *to[i] = (mask >> i & 1) != 0 ? got[i]->data() : nullptr;
     b.capacity = all.count() - 1;
@@ -163,8 +161,7 @@ TEST_P(Output, SectionsAddUpToTheFile) {
   EXPECT_EQ(std::accumulate(sections, sections + L4D_SECTION_COUNT, uint64_t{0}), bytes.size());
   uint64_t in_layers = 0;
   for (size_t l = 0; l < layers.size(); ++l) {
-    l4d_layer_info info;
-    l4d_layer_info_init(&info);
+    l4d_layer_info info = L4D_INIT(l4d_layer_info);
     d.check(l4d_decoder_get_layer_info(d.get(), static_cast<uint32_t>(l), &info));
     EXPECT_GT(layers[l], info.codebook_bytes);
     in_layers += layers[l];
@@ -183,15 +180,13 @@ TEST_P(Output, LayersAddUpToTheScene) {
   uint64_t total = 0;
   uint32_t tools = info.sh_degree > 0 ? uint32_t{L4D_TOOL_VIEW_DEPENDENCE} : 0u;
   for (uint32_t l = 0; l < info.num_layers; ++l) {
-    l4d_layer_info layer;
-    l4d_layer_info_init(&layer);
+    l4d_layer_info layer = L4D_INIT(l4d_layer_info);
     d.check(l4d_decoder_get_layer_info(d.get(), l, &layer));
     total += layer.num_gaussians;
     tools |= layer.tools;
     for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       for (uint32_t s = 0; s < L4D_MAX_STAGES; ++s) {
-        l4d_codebook codebook;
-        l4d_codebook_init(&codebook);
+        l4d_codebook codebook = L4D_INIT(l4d_codebook);
         d.check(l4d_decoder_get_codebook(d.get(), l, c, s, L4D_NO_BLOCK, &codebook));
         EXPECT_EQ(codebook.entries != nullptr, s < layer.num_stages[c]);
         EXPECT_EQ(codebook.num_entries > 0, s < layer.num_stages[c]);
@@ -203,8 +198,7 @@ TEST_P(Output, LayersAddUpToTheScene) {
   }
   EXPECT_EQ(total, info.num_gaussians);
   EXPECT_EQ(tools, info.tools);
-  l4d_layer_info beyond;
-  l4d_layer_info_init(&beyond);
+  l4d_layer_info beyond = L4D_INIT(l4d_layer_info);
   EXPECT_EQ(l4d_decoder_get_layer_info(d.get(), info.num_layers, &beyond),
             L4D_ERR_INVALID_ARGUMENT);
 }
@@ -231,8 +225,8 @@ TEST(Codebook, BlocksHaveTheirOwn) {
     if (r.block == L4D_NO_BLOCK) continue;
     ++blocks;
     l4d_codebook global, block;
-    l4d_codebook_init(&global);
-    l4d_codebook_init(&block);
+    global = L4D_INIT(l4d_codebook);
+    block = L4D_INIT(l4d_codebook);
     d.check(l4d_decoder_get_codebook(d.get(), r.layer, L4D_COMPONENT_ROTOR_SPATIAL, 0, L4D_NO_BLOCK,
                                      &global));
     d.check(l4d_decoder_get_codebook(d.get(), r.layer, L4D_COMPONENT_ROTOR_SPATIAL, 0, r.block,
@@ -249,8 +243,7 @@ TEST(Codebook, BlocksHaveTheirOwn) {
 
 TEST(Codebook, ArgumentsAreChecked) {
   const DecoderHandle d = opened(rcq_file());
-  l4d_codebook codebook;
-  l4d_codebook_init(&codebook);
+  l4d_codebook codebook = L4D_INIT(l4d_codebook);
   const uint32_t layers = d.info().num_layers;
   const auto get = [&](uint32_t layer, uint32_t c, uint32_t stage, uint32_t block) {
     return l4d_decoder_get_codebook(d.get(), layer, c, stage, block, &codebook);

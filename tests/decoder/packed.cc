@@ -3,14 +3,14 @@
 
 #include <cmath>
 
+#include "l4d/experimental/packed.h"
 #include "libl4dcodec/base/half.h"
 
 namespace l4d::test {
 namespace {
 
 l4d_layer_info layer_info(const DecoderHandle& d, uint32_t layer) {
-  l4d_layer_info i;
-  l4d_layer_info_init(&i);
+  l4d_layer_info i = L4D_INIT(l4d_layer_info);
   d.check(l4d_decoder_get_layer_info(d.get(), layer, &i));
   return i;
 }
@@ -68,8 +68,7 @@ class Expander {
  private:
   void expand_range(const l4d_bucket_span& r, size_t sh_dim) {
     const l4d_layer_info layer = layer_info(d_, r.layer);
-    l4d_dequantization q;
-    l4d_dequantization_init(&q);
+    l4d_dequantization q = L4D_INIT(l4d_dequantization);
     d_.check(l4d_decoder_get_dequantization(d_.get(), r.layer, &q));
     const size_t end = static_cast<size_t>(r.first + r.count);
     for (size_t i = static_cast<size_t>(r.first); i < end; ++i) {
@@ -106,8 +105,7 @@ class Expander {
       return;
     }
     for (uint32_t s = 0; s < depth; ++s) {
-      l4d_codebook codebook;
-      l4d_codebook_init(&codebook);
+      l4d_codebook codebook = L4D_INIT(l4d_codebook);
       d_.check(l4d_decoder_get_codebook(d_.get(), r.layer, c, s, s == 0 ? r.block : L4D_NO_BLOCK,
                                         &codebook));
       const float* entry = codebook.entries + size_t{dim} * p_.index[c][s * p_.count() + i];
@@ -133,8 +131,7 @@ PackedArrays decode_packed(const DecoderHandle& decoder, const l4d_query& query)
   p.opacity.resize(n);
   p.scale_factor.resize(n);
   p.spans.resize(static_cast<size_t>(s.num_spans));
-  l4d_packed_buffers b;
-  l4d_packed_buffers_init(&b);
+  l4d_packed_buffers b = L4D_INIT(l4d_packed_buffers);
   b.capacity = n;
   b.position = p.position.data();
   b.mean_t = p.mean_t.data();

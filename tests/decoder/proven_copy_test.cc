@@ -75,7 +75,7 @@ TEST(ProvenCopiesOf, KeepBaseColoursOfDetailThatDoesNotDecode) {
   ASSERT_EQ(copy_rest(hurt, &copy), L4D_OK) << l4d_last_error_message();
   for (const Violation& v : validate(copy)) ADD_FAILURE() << v.clause << " " << v.message;
   l4d_query base = all_query();
-  base.detail = L4D_DETAIL_BASE_COLOR;
+  base.point.detail = L4D_DETAIL_BASE_COLOR;
   EXPECT_TRUE(same_bits(decode(copy, base), decode(whole, base)));
 }
 

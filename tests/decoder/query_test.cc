@@ -148,7 +148,7 @@ TEST_P(Query, MaxLevelLeavesOutFinerLayers) {
   for (uint32_t level = 0; level < 12; ++level) {
     for (l4d_query q : {all_query(), time_query(0.3 * begin_ + 0.7 * end_)}) {
       const GaussianArrays whole = d_.decode(q);
-      q.max_level = level;
+      q.point.levels = level + 1;
       const GaussianArrays part = d_.decode(q);
       uint64_t want = 0;
       for (const l4d_bucket_span& r : whole.spans) want += r.level <= level ? r.count : 0;
@@ -164,8 +164,7 @@ TEST_P(Query, RangesDescribeTheirBuckets) {
     const GaussianArrays a = d_.decode(q);
     std::set<std::pair<uint32_t, uint32_t>> seen;
     for (const l4d_bucket_span& r : a.spans) {
-      l4d_layer_info layer;
-      l4d_layer_info_init(&layer);
+      l4d_layer_info layer = L4D_INIT(l4d_layer_info);
       ASSERT_EQ(l4d_decoder_get_layer_info(d_.get(), r.layer, &layer), L4D_OK);
       EXPECT_EQ(layer.index, r.layer);
       EXPECT_EQ(layer.level, r.level);
@@ -274,8 +273,7 @@ TEST(QueryArguments, AreChecked) {
   DecoderHandle d;
   d.open_memory(tiny_file().data(), tiny_file().size());
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  l4d_selection s;
-  l4d_selection_init(&s);
+  l4d_selection s = L4D_INIT(l4d_selection);
   l4d_query unknown = time_query(0), unit = time_query(0), no_list = all_query();
   unknown.kind = 4;
   unit.whole_buckets = 2;
@@ -288,10 +286,9 @@ TEST(QueryArguments, AreChecked) {
         unit, no_list, bucket_query(no_layer), bucket_query(no_bucket), bucket_query(twice),
         bucket_query(descending)}) {
     EXPECT_EQ(l4d_decoder_select(d.get(), &q, &s), L4D_ERR_INVALID_ARGUMENT);
-    EXPECT_STRNE(l4d_decoder_error_message(d.get()), "");
+    EXPECT_STRNE(l4d_last_error_message(), "");
   }
-  l4d_splat_buffers b;
-  l4d_splat_buffers_init(&b);
+  l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
   EXPECT_EQ(l4d_decoder_slice(d.get(), nan, &b), L4D_ERR_INVALID_ARGUMENT);
 }
 

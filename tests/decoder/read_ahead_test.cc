@@ -36,8 +36,7 @@ struct Network {
     return fault && fault(offset, to, n) ? -1 : static_cast<int64_t>(n);
   }
   l4d_reader reader() {
-    l4d_reader r;
-    l4d_reader_init(&r);
+    l4d_reader r = L4D_INIT(l4d_reader);
     r.user = this;
     r.block_bytes = block_bytes;
     r.size = [](void* user) {
@@ -71,8 +70,7 @@ DecoderHandle opened(Network& network, uint64_t max_memory = 0, bool tolerant = 
 SplatArrays plain_slice(const Bytes& file, double time, uint32_t detail = L4D_DETAIL_FULL) {
   DecoderHandle d;
   d.open_memory(file.data(), file.size());
-  d.set_detail(detail);
-  return d.slice(time);
+  return d.slice(time, {{0, 0, detail, 0}});
 }
 
 // A minute in all temporal levels, with directory pages of few buckets.
@@ -129,8 +127,7 @@ TEST_P(ReadAheadStreams, SameBits) {
     DecoderHandle d = opened(network);
     EXPECT_TRUE(same_bits(want_instant, d.decode(time_query(0.3))));
     for (const Step& step : steps) {
-      d.set_detail(step.detail);
-      EXPECT_TRUE(same_bits(step.want, d.slice(step.time))) << step.time;
+      EXPECT_TRUE(same_bits(step.want, d.slice(step.time, {{0, 0, step.detail, 0}}))) << step.time;
     }
     EXPECT_TRUE(same_bits(want, d.decode(all_query())));
   }
@@ -199,10 +196,8 @@ TEST(ReadAhead, MoreDetailReadsShChunksOnly) {
   for (const uint64_t block : {uint64_t{0}, uint64_t{1}}) {
     Network network(split_file(), block);
     DecoderHandle d = opened(network);
-    d.set_detail(L4D_DETAIL_BASE_COLOR);
-    (void)d.slice(0.7);
+    (void)d.slice(0.7, {{0, 0, L4D_DETAIL_BASE_COLOR, 0}});
     const uint64_t base = network.bytes;
-    d.set_detail(L4D_DETAIL_FULL);
     EXPECT_TRUE(same_bits(plain_slice(split_file(), 0.7), d.slice(0.7)));
     const uint64_t more = network.bytes - base;
     l4d_query query = time_query(0.7);
@@ -222,14 +217,9 @@ TEST(ReadAhead, MoreDetailHoldsNoBucketTwice) {
   const auto memory_of = [](bool base_first) {
     Network network(split_file(), 0);
     DecoderHandle d = opened(network);
-    if (base_first) {
-      d.set_detail(L4D_DETAIL_BASE_COLOR);
-      (void)d.slice(0.7);
-      d.set_detail(L4D_DETAIL_FULL);
-    }
+    if (base_first) (void)d.slice(0.7, {{0, 0, L4D_DETAIL_BASE_COLOR, 0}});
     (void)d.slice(0.7);
-    l4d_counters c;
-    l4d_counters_init(&c);
+    l4d_counters c = L4D_INIT(l4d_counters);
     d.check(l4d_decoder_get_counters(d.get(), &c));
     return c.memory_bytes;
   };

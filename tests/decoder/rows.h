@@ -59,8 +59,7 @@ inline Visibility visibility(const DecoderHandle& d, const GaussianArrays& a) {
   v.lambda.resize(n);
   v.permanent.resize(n);
   for (const l4d_bucket_span& r : a.spans) {
-    l4d_layer_info layer;
-    l4d_layer_info_init(&layer);
+    l4d_layer_info layer = L4D_INIT(l4d_layer_info);
     d.check(l4d_decoder_get_layer_info(d.get(), r.layer, &layer));
     for (size_t i = r.first; i < r.first + r.count; ++i) {
       double rotor[8], scale[4];

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "l4d/experimental/inspect.h"
 #include "libl4dcodec/quant/codebook.h"
 #include "tests/common/codec.h"
 #include "tests/decoder/damage.h"
@@ -43,7 +44,7 @@ const Bytes& plain_codebook_file() {
   static const Bytes kBytes = [] {
     EncodeOptions o = small_options();
     o.rans = true;
-    o.stages = {{L4D_COMPONENT_SH, {1.0f, 0.5f}}};
+    o.stages = {{L4D_ENC_STAGES ".sh", {1.0f, 0.5f}}};
     return encode(scene(), o).bytes;
   }();
   return kBytes;
@@ -57,7 +58,7 @@ const Bytes& split_file() {
 unsigned coefficients(const Bytes& file) { return StreamEditor(file).header.sh.coefficients(); }
 
 l4d_query base_query(l4d_query query = all_query()) {
-  query.detail = L4D_DETAIL_BASE_COLOR;
+  query.point.detail = L4D_DETAIL_BASE_COLOR;
   return query;
 }
 
@@ -150,8 +151,7 @@ struct WatchedReader {
     }
   }
   l4d_reader reader() {
-    l4d_reader r;
-    l4d_reader_init(&r);
+    l4d_reader r = L4D_INIT(l4d_reader);
     r.user = this;
     r.size = [](void* user) {
       return static_cast<int64_t>(static_cast<WatchedReader*>(user)->file.size());
@@ -187,14 +187,12 @@ TEST(ShDetail, BaseReadsNoByteOfAShChunk) {
   d.open(reader);
   (void)d.decode(base_query());
   (void)d.decode(base_query(time_query(0.7)));
-  d.set_detail(L4D_DETAIL_BASE_COLOR);
-  (void)d.slice(0.7);
+  (void)d.slice(0.7, {{0, 0, L4D_DETAIL_BASE_COLOR, 0}});
   // Nor does a decode of other attributes.
   const l4d_query all = all_query();
   const l4d_selection s = d.select(all);
   std::vector<float> position(3 * s.num_gaussians);
-  l4d_gaussian_buffers buffers;
-  l4d_gaussian_buffers_init(&buffers);
+  l4d_gaussian_buffers buffers = L4D_INIT(l4d_gaussian_buffers);
   buffers.capacity = s.num_gaussians;
   buffers.position = position.data();
   d.check(l4d_decoder_decode(d.get(), &all, &buffers));
@@ -244,21 +242,21 @@ TEST(ShDetail, UnknownDetailsAreRefused) {
   DecoderHandle d;
   d.open_memory(split_file().data(), split_file().size());
   l4d_query query = all_query();
-  query.detail = 2;
-  l4d_selection s;
-  l4d_selection_init(&s);
+  query.point.detail = 2;
+  l4d_selection s = L4D_INIT(l4d_selection);
   EXPECT_EQ(l4d_decoder_select(d.get(), &query, &s), L4D_ERR_INVALID_ARGUMENT);
-  EXPECT_EQ(l4d_decoder_set_detail(d.get(), 2), L4D_ERR_INVALID_ARGUMENT);
-  EXPECT_EQ(l4d_decoder_set_detail(nullptr, 0), L4D_ERR_INVALID_ARGUMENT);
-  EXPECT_EQ(l4d_decoder_set_detail(d.get(), L4D_DETAIL_BASE_COLOR), L4D_OK);
+  l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
+  b.point.detail = 2;
+  EXPECT_EQ(l4d_decoder_slice(d.get(), 0, &b), L4D_ERR_INVALID_ARGUMENT);
+  b.point.detail = L4D_DETAIL_BASE_COLOR;
+  EXPECT_EQ(l4d_decoder_slice(d.get(), 0, &b), L4D_OK);
 }
 
 TEST(ShDetail, TheBucketCacheKeepsDetailsApart) {
   const auto fresh = [](uint32_t detail, double t) {
     DecoderHandle d;
     d.open_memory(split_file().data(), split_file().size());
-    d.set_detail(detail);
-    return d.slice(t);
+    return d.slice(t, {{0, 0, detail, 0}});
   };
   DecoderHandle d;
   d.open_memory(split_file().data(), split_file().size());
@@ -267,15 +265,14 @@ TEST(ShDetail, TheBucketCacheKeepsDetailsApart) {
     EXPECT_EQ(full.position, base.position);
     EXPECT_NE(full.sh, base.sh);
     for (const uint32_t detail : {L4D_DETAIL_FULL, L4D_DETAIL_BASE_COLOR, L4D_DETAIL_FULL}) {
-      d.set_detail(detail);
-      EXPECT_TRUE(same_bits(d.slice(t), detail == L4D_DETAIL_FULL ? full : base));
+      EXPECT_TRUE(
+          same_bits(d.slice(t, {{0, 0, detail, 0}}), detail == L4D_DETAIL_FULL ? full : base));
     }
   }
   // Both are at hand now.
   const uint64_t decoded = counters_of(d).buckets_decoded;
   for (const uint32_t detail : {L4D_DETAIL_BASE_COLOR, L4D_DETAIL_FULL}) {
-    d.set_detail(detail);
-    (void)d.slice(0.5);
+    (void)d.slice(0.5, {{0, 0, detail, 0}});
   }
   EXPECT_EQ(counters_of(d).buckets_decoded, decoded);
 }
@@ -440,8 +437,7 @@ TEST(ShDetail, ASliceIsMendedWhenDetailCanBeReadAgain) {
   d.open(reader);
   whole.open_memory(split_file().data(), split_file().size());
   const SplatArrays full = whole.slice(0.8);
-  whole.set_detail(L4D_DETAIL_BASE_COLOR);
-  const SplatArrays base = whole.slice(0.8);
+  const SplatArrays base = whole.slice(0.8, {{0, 0, L4D_DETAIL_BASE_COLOR, 0}});
   watched.fails = true;
   for (int again = 0; again < 2; ++again) {
     EXPECT_TRUE(same_bits(d.slice(0.8), base));

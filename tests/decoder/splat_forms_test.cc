@@ -11,6 +11,7 @@
 #include <tuple>
 #include <vector>
 
+#include "l4d/experimental/columns.h"
 #include "libl4dcodec/base/ordered.h"
 #include "tests/common/codec.h"
 #include "tests/common/random.h"
@@ -36,8 +37,7 @@ SplatArrays forms(const DecoderHandle& d, double time) {
 
 // The same of columns, in the order of l4d_decoder_slice.
 SplatArrays column_forms(const DecoderHandle& d, double time) {
-  l4d_splat_columns c;
-  l4d_splat_columns_init(&c);
+  l4d_splat_columns c = L4D_INIT(l4d_splat_columns);
   d.check(l4d_decoder_slice_columns(d.get(), time, &c));
   const size_t n = static_cast<size_t>(c.count);
   std::vector<std::vector<float>> columns(20, std::vector<float>(n));
@@ -228,12 +228,12 @@ TEST_P(SplatForms, AGaussianHasOneIdInAllQueriesAndSlices) {
   queries.push_back(queries[0]);
   queries.back().whole_buckets = 1;
   queries.push_back(all_query());
-  queries.back().detail = L4D_DETAIL_BASE_COLOR;
+  queries.back().point.detail = L4D_DETAIL_BASE_COLOR;
   const GaussianArrays base = d.decode(queries.back());
   size_t partial = 0;
   for (const l4d_query& query : queries) {
     const Decoded part = decode_ids(d, query);
-    const GaussianArrays& want = query.detail == L4D_DETAIL_FULL ? all.arrays : base;
+    const GaussianArrays& want = query.point.detail == L4D_DETAIL_FULL ? all.arrays : base;
     for (size_t i = 0; i < part.id.size(); ++i) {
       ASSERT_EQ(where.count(key_of(part.id[i])), 1u);
       ASSERT_TRUE(same_gaussian(part.arrays, i, want, where[key_of(part.id[i])])) << i;
@@ -344,8 +344,7 @@ TEST(SplatColors, FollowTheCameraWhileRowsAreKept) {
   const SplatArrays fresh = other.slice(0.9);
   const size_t n = fresh.count();
   std::vector<float> position(3 * n), color(3 * n);
-  l4d_splat_buffers b;
-  l4d_splat_buffers_init(&b);
+  l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
   b.capacity = n;
   b.position = position.data();
   b.color = color.data();
@@ -386,8 +385,7 @@ TEST(SplatForms, BucketsGetAxesOnce) {
 TEST(SplatForms, RefuseWhatMakesNoSense) {
   const DecoderHandle d = open(dynamic_file());
   std::vector<float> numbers(3 * static_cast<size_t>(d.info().num_gaussians));
-  l4d_splat_buffers b;
-  l4d_splat_buffers_init(&b);
+  l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
   b.capacity = d.info().num_gaussians;
   b.color = numbers.data();
   for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity()}) {
@@ -400,8 +398,7 @@ TEST(SplatForms, RefuseWhatMakesNoSense) {
   b.scale = numbers.data();
   b.capacity = 3;
   EXPECT_EQ(l4d_decoder_slice(d.get(), 0.9, &b), L4D_ERR_BUFFER_TOO_SMALL);
-  l4d_splat_columns c;
-  l4d_splat_columns_init(&c);
+  l4d_splat_columns c = L4D_INIT(l4d_splat_columns);
   c.scale[0] = numbers.data();
   EXPECT_EQ(l4d_decoder_slice_columns(d.get(), 0.9, &c), L4D_ERR_INVALID_ARGUMENT);
   c.scale[0] = nullptr;

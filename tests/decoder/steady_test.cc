@@ -5,6 +5,7 @@
 
 #include <vector>
 
+#include "l4d/experimental/columns.h"
 #include "tests/common/codec.h"
 #include "tests/decoder/allocation_meter.h"
 
@@ -28,13 +29,13 @@ struct Player {
       next += width * n;
       return array;
     };
-    l4d_splat_buffers_init(&buffers);
+    buffers = L4D_INIT(l4d_splat_buffers);
     buffers.capacity = n;
     buffers.position = take(3);
     buffers.covariance = take(6);
     buffers.opacity = take(1);
     buffers.sh_rows = rows.data();
-    l4d_splat_columns_init(&columns);
+    columns = L4D_INIT(l4d_splat_columns);
     columns.capacity = n;
     for (float*& axis : columns.position) axis = take(1);
     for (float*& entry : columns.covariance) entry = take(1);
@@ -99,8 +100,8 @@ TEST_P(Steady, FramesOfOneBucketAllocateNothing) {
   const double begin = info.timeline.time_begin + 0.5;
   player.show(d, begin);
   l4d_counters before, after;
-  l4d_counters_init(&before);
-  l4d_counters_init(&after);
+  before = L4D_INIT(l4d_counters);
+  after = L4D_INIT(l4d_counters);
   size_t steady = 0;
   for (int k = 1; k < 60; ++k) {
     d.check(l4d_decoder_get_counters(d.get(), &before));

@@ -25,9 +25,9 @@ struct Kept {
         opacity(capacity),
         sh(sh_dim * capacity),
         rows(capacity) {}
-  void slice(const DecoderHandle& d, double time) {
-    l4d_splat_buffers b;
-    l4d_splat_buffers_init(&b);
+  void slice(const DecoderHandle& d, double time, uint32_t detail = L4D_DETAIL_FULL) {
+    l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
+    b.point.detail = detail;
     b.capacity = opacity.size();
     b.position = position.data();
     b.covariance = covariance.data();
@@ -102,21 +102,18 @@ TEST(Still, RowsAreWrittenOnceAndStayRight) {
   EXPECT_EQ(kept.sh[sh_dim * first - 1], kMark);
   expect_rows(kept, other.slice(1.2), sh_dim, first);
   // Counting alone says nothing of arrays.
-  l4d_splat_buffers count;
-  l4d_splat_buffers_init(&count);
+  l4d_splat_buffers count = L4D_INIT(l4d_splat_buffers);
   count.still_key = key;
   d.check(l4d_decoder_slice(d.get(), 1.2, &count));
   EXPECT_EQ(count.count, kept.count);
   EXPECT_EQ(count.num_still, still);
   EXPECT_EQ(count.still_key, 0u);
   // Another detail is another set of rows; so is another stream.
-  d.set_detail(L4D_DETAIL_BASE_COLOR);
   mark();
-  kept.slice(d, 1.2);
+  kept.slice(d, 1.2, L4D_DETAIL_BASE_COLOR);
   EXPECT_NE(kept.key, key);
   EXPECT_EQ(std::count(kept.opacity.begin(), kept.opacity.end(), kMark),
             static_cast<long>(kept.opacity.size() - kept.count));
-  d.set_detail(L4D_DETAIL_FULL);
   const uint64_t before = kept.key;
   d.open_memory(bytes.data(), bytes.size());
   mark();
@@ -149,9 +146,7 @@ TEST(Still, EvictedBucketsAreWrittenAgain) {
                         whole.opacity.begin() + static_cast<std::ptrdiff_t>(whole.count));
     same.sh = whole.sh;
     expect_rows(kept, same, sh_dim, 0);
-    d.set_detail(L4D_DETAIL_BASE_COLOR);
-    d.slice(time);
-    d.set_detail(L4D_DETAIL_FULL);
+    d.slice(time, {{0, 0, L4D_DETAIL_BASE_COLOR, 0}});
   }
 }
 

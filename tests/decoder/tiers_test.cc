@@ -8,7 +8,6 @@
 #include <set>
 #include <vector>
 
-#include "l4d/stream.h"
 #include "libl4dcodec/base/bytes.h"
 #include "tests/common/codec.h"
 #include "tests/common/stream_editor.h"
@@ -27,7 +26,7 @@ TestScene tier_scene() {
   return make_scene(options);
 }
 
-Encoded encode_tiers(const std::vector<float>& shares, const char* preset = "default",
+Encoded encode_tiers(const std::vector<double>& shares, const char* preset = "default",
                      const std::vector<float>* alpha_t = nullptr, uint32_t threads = 1) {
   EncodeOptions options;
   options.preset = preset;
@@ -52,7 +51,7 @@ std::vector<l4d_layer_info> layers_of(const Bytes& file) {
 }
 
 l4d_query up_to_tier(l4d_query query, uint32_t max_tier) {
-  query.max_tier = max_tier;
+  query.point.tiers = max_tier + 1;  // UINT32_MAX: 0, which is all
   return query;
 }
 
@@ -136,15 +135,12 @@ TEST(Tiers, SlicesLeaveOutLayers) {
   const SplatArrays all = d.slice(1.5);
   size_t before = 0;
   for (const uint32_t tier : {0u, 1u, 2u}) {
-    d.set_layers(UINT32_MAX, tier);
-    const SplatArrays got = d.slice(1.5);
+    const SplatArrays got = d.slice(1.5, {{0, tier + 1, 0, 0}});
     EXPECT_GT(got.count(), before);
     before = got.count();
   }
   EXPECT_TRUE(same_bits(d.slice(1.5), all));
-  d.set_layers(0, 0);
-  EXPECT_LT(d.slice(1.5).count(), before);
-  d.set_layers(UINT32_MAX, UINT32_MAX);
+  EXPECT_LT(d.slice(1.5, {{1, 1, 0, 0}}).count(), before);
   EXPECT_TRUE(same_bits(d.slice(1.5), all));
 }
 
@@ -192,51 +188,19 @@ TEST(Tiers, FewTiersWhereLayersAreFew) {
 TEST(Tiers, BadShares) {
   const TestScene scene = tier_scene();
   const EncoderHandle e;
-  const auto status = [&](const std::vector<float>& shares) {
-    return l4d_encoder_set_tiers(e.get(), static_cast<uint32_t>(shares.size()), shares.data());
+  const auto status = [&](const std::vector<double>& shares) {
+    return l4d_encoder_set_list(e.get(), L4D_ENC_TIERS, shares.data(),
+                                static_cast<uint32_t>(shares.size()));
   };
   EXPECT_EQ(status({0.1f, 0.2f, 0.3f, 0.4f, 0.5f, 0.6f, 0.7f}), L4D_OK);
   EXPECT_EQ(status({}), L4D_OK);
   EXPECT_EQ(status({0.1f, 0.2f, 0.3f, 0.4f, 0.5f, 0.6f, 0.7f, 0.8f}), L4D_ERR_INVALID_ARGUMENT);
-  for (const float bad : {0.0f, 1.0f, -0.1f, 2.0f, std::nanf("")}) {
+  for (const double bad : {0.0, 1.0, -0.1, 2.0, std::nan("")}) {
     EXPECT_EQ(status({bad}), L4D_ERR_INVALID_ARGUMENT) << bad;
   }
   EXPECT_EQ(status({0.5f, 0.5f}), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(status({0.5f, 0.2f}), L4D_ERR_INVALID_ARGUMENT);
-  EXPECT_EQ(l4d_encoder_set_tiers(e.get(), 1, nullptr), L4D_ERR_INVALID_ARGUMENT);
-}
-
-// A plan of a tier names nothing of the others.
-TEST(Tiers, PlansOfATier) {
-  const Bytes& file = tiers_file();
-  uint64_t before = 0;
-  for (const uint32_t tier : {0u, 1u, 2u}) {
-    DecoderHandle d;
-    d.check(l4d_decoder_open_supplied(d.get(), file.size()));
-    l4d_plan_query query;
-    l4d_plan_query_init(&query);
-    query.time = 1.5;
-    query.max_tier = tier;
-    query.merge_gap = 0;
-    uint64_t count = 1, bytes = 0;
-    while (count > 0) {
-      l4d_planned_range ranges[64];
-      d.check(l4d_decoder_plan(d.get(), &query, ranges, 64, &count));
-      for (uint64_t i = 0; i < std::min<uint64_t>(count, 64); ++i) {
-        const l4d_planned_range& r = ranges[i];
-        bytes += r.size;
-        d.check(l4d_decoder_supply(d.get(), r.offset, file.data() + r.offset, r.size));
-      }
-    }
-    d.set_layers(UINT32_MAX, tier);
-    EXPECT_GT(d.slice(1.5).count(), 0u);
-    EXPECT_GT(bytes, before);
-    before = bytes;
-    DecoderHandle whole;
-    whole.open_memory(file.data(), file.size());
-    whole.set_layers(UINT32_MAX, tier);
-    EXPECT_TRUE(same_bits(d.slice(1.5), whole.slice(1.5)));
-  }
+  EXPECT_EQ(l4d_encoder_set_list(e.get(), L4D_ENC_TIERS, nullptr, 1), L4D_ERR_INVALID_ARGUMENT);
 }
 
 // ---- the streamable layout

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <set>
 
+#include "l4d/experimental/inspect.h"
 #include "tests/common/codec.h"
 #include "tests/common/random.h"
 #include "tests/common/stream_editor.h"
@@ -86,8 +87,7 @@ TEST_P(Tolerant, SlicesWhatIsLeft) {
     ASSERT_EQ(l4d_decoder_open_memory(refuses, damaged.data(), damaged.size()), L4D_OK);
     for (const double t : {0.0, 0.4, 0.7, 1.0, 1.9}) {
       ASSERT_TRUE(same_bits(want.slice(t), got.slice(t))) << "time " << t;
-      l4d_splat_buffers b;
-      l4d_splat_buffers_init(&b);
+      l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
       const bool lost = !losses_of(got).empty();
       with_loss += lost;
       EXPECT_EQ(l4d_decoder_slice(refuses, t, &b), lost ? L4D_ERR_CHECKSUM : L4D_OK);
@@ -336,8 +336,7 @@ TEST(TolerantLimits, CancellingAndLimitsStillEndTheCall) {
   const Bytes damaged = damage(whole, Anatomy(whole).page_chunk(0));
   const DecoderHandle d = tolerant_decoder(damaged);
   const l4d_query q = all_query();
-  l4d_gaussian_buffers b;
-  l4d_gaussian_buffers_init(&b);
+  l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
   b.capacity = d.info().num_gaussians;
   l4d_decoder_set_progress(
       d.get(), [](void*, uint64_t, uint64_t, const char*) { return 1; }, nullptr);
@@ -364,8 +363,7 @@ TEST(TolerantLimits, AWantOfMemoryIsNoLoss) {
       const DecoderHandle d(&o);
       if (l4d_decoder_open_memory(d.get(), file->data(), file->size()) != L4D_OK) continue;
       const l4d_query q = all_query();
-      l4d_gaussian_buffers b;
-      l4d_gaussian_buffers_init(&b);
+      l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
       b.capacity = d.info().num_gaussians;
       std::vector<float> scale(4 * b.capacity);
       b.log_scale = scale.data();

@@ -4,12 +4,14 @@
 
     run.py BUILD PAGE...             runs the blocks of each page in one empty folder, from the first to the last
     run.py BUILD PAGE... --with KIND,KIND   also those that are marked so
+    run.py --installed PREFIX PAGE...       the same with what is installed in PREFIX
     run.py --list PAGE...            prints each block with its mark
     run.py --self-test               shows on small pages that what fails is found
 
 A block runs unless a comment right above it marks it as one that needs something, such as
-`<!-- needs: minutes -->`; kinds are below. Programs are saved as example.c or example.cc for the blocks after them, which
-find the libraries of BUILD by pkg-config, and its tools by their names. Images of videos need ffmpeg.
+`<!-- needs: minutes -->`; kinds are below. Programs are saved as example.c or example.cc, and what CMake reads as
+CMakeLists.txt, for the blocks after them, which find the libraries of BUILD by pkg-config and CMake, and its tools by their
+names. Images of videos need ffmpeg.
 """
 
 import argparse
@@ -23,7 +25,7 @@ import tempfile
 KINDS = {"minutes": "takes minutes", "gpu": "wants a CUDA device", "data": "wants scenes of your own, or of L4D_DATA_DIR",
          "tree": "changes the tree, its build or the system", "tools": "wants programs that ./dev setup does not install",
          "browser": "does not end until it is told to"}
-PROGRAMS = {"c": "example.c", "cpp": "example.cc"}
+PROGRAMS = {"c": "example.c", "cpp": "example.cc", "cmake": "CMakeLists.txt"}
 BLOCK = re.compile(r"(?:<!-- needs: ([^>]*?) -->\n)?^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
@@ -51,6 +53,7 @@ def environment(build, installed):
         out["PKG_CONFIG_PATH"] = os.pathsep.join(configs)
         libraries = [str(pathlib.Path(folder).parent) for folder in configs]
         out["LD_LIBRARY_PATH"] = os.pathsep.join(libraries)
+        out["CMAKE_PREFIX_PATH"] = installed
     return out
 
 
@@ -107,6 +110,7 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("arguments", nargs="*")
     parser.add_argument("--with", dest="kinds", default="")
+    parser.add_argument("--installed", action="store_true")
     parser.add_argument("--list", action="store_true")
     parser.add_argument("--self-test", action="store_true")
     options = parser.parse_args()
@@ -119,9 +123,10 @@ def main():
         return None
     build, *pages = options.arguments
     allowed = [kind for kind in options.kinds.split(",") if kind]
-    with tempfile.TemporaryDirectory() as installed:
+    with tempfile.TemporaryDirectory() as made:
+        installed = build if options.installed else made
         wants_libraries = any(block.language in PROGRAMS for page in pages for block in blocks_of(page))
-        if wants_libraries:
+        if wants_libraries and not options.installed:
             subprocess.run(["cmake", "--install", build, "--prefix", installed], check=True, stdout=subprocess.DEVNULL)
         env = environment(build, installed if wants_libraries else None)
         for page in pages:

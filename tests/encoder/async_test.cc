@@ -91,16 +91,15 @@ class AsyncEncode : public testing::TestWithParam<bool> {  // whether with one s
 
   // The file; empty where it is cancelled.
   std::string encode(uint32_t threads, bool device, Answers* answers = nullptr) {
-    l4d_encoder_options options;
-    l4d_encoder_options_init(&options);
+    l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
     options.threads = threads;
     Encoder encoder(options);
     EXPECT_TRUE(encoder.settings().set_preset("indexed").ok());
-    EXPECT_TRUE(encoder.settings().set(L4D_ENC_MERGE_COUNT, L4D_ALL_COMPONENTS, 20).ok());
-    EXPECT_TRUE(encoder.settings().set(L4D_ENC_CODEBOOK_SIZE, L4D_ALL_COMPONENTS, 128).ok());
-    EXPECT_TRUE(encoder.settings().set(L4D_ENC_RCQ, L4D_ALL_COMPONENTS, 2).ok());
+    EXPECT_TRUE(encoder.settings().set(Parameter::kMergeCount, kAllComponents, 20).ok());
+    EXPECT_TRUE(encoder.settings().set(Parameter::kCodebookSize, kAllComponents, 128).ok());
+    EXPECT_TRUE(encoder.settings().set(Parameter::kRcq, kAllComponents, 2).ok());
     if (GetParam()) {
-      EXPECT_TRUE(encoder.settings().set_stages(L4D_ALL_COMPONENTS, {1.0f}).ok());
+      EXPECT_TRUE(encoder.settings().set_stages(kAllComponents, {1.0f}).ok());
     }
     if (device) encoder.set_device(std::make_unique<HostDevice>(searches_));
     if (answers != nullptr) encoder.set_progress(on_progress, answers);

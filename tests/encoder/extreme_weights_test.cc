@@ -23,7 +23,7 @@ TEST(ExtremeWeights, GiveStreamsThatDecode) {
   const TestScene scene = small_scene();
   constexpr float kMax = std::numeric_limits<float>::max();
   for (const char* preset : {"default", "archive", "indexed-small"}) {
-    for (const double measure : {0.0, 1.0}) {
+    for (const uint32_t metric : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
       for (const float rest : {1e-20f, 1.0f, kMax}) {
         std::vector<float> weights(scene.count(), rest);
         weights[3] = kMax;
@@ -31,13 +31,13 @@ TEST(ExtremeWeights, GiveStreamsThatDecode) {
         EncodeOptions o;
         o.preset = preset;
         o.rans = true;
-        o.settings = {
-            {L4D_ENC_WEIGHT_METRIC, measure}, {L4D_ENC_CODEBOOK_SIZE, 32}, {L4D_ENC_PRUNE_COST, 0}};
+        o.metric = metric;
+        o.settings = {{L4D_ENC_CODEBOOK_SIZE, 32}, {L4D_ENC_PRUNE_COST, 0}};
         for (uint32_t which = 0; which < L4D_WEIGHT_COUNT; ++which) {
           o.weights.emplace_back(which, &weights);
         }
         const Encoded e = encode(scene, o);
-        EXPECT_TRUE(validate(e.bytes).empty()) << preset << measure << rest;
+        EXPECT_TRUE(validate(e.bytes).empty()) << preset << metric << rest;
         EXPECT_EQ(decode(e.bytes, all_query()).count(), scene.count());
       }
     }

@@ -20,9 +20,9 @@ struct Planned {
 Planned plan(const TestScene& input, double merge_fraction, double merge_count,
              bool lossless = false) {
   EncoderSettings settings;
-  EXPECT_TRUE(settings.set(L4D_ENC_MERGE_FRACTION, -1, merge_fraction).ok());
-  EXPECT_TRUE(settings.set(L4D_ENC_MERGE_COUNT, -1, merge_count).ok());
-  EXPECT_TRUE(settings.set(L4D_ENC_LOSSLESS, -1, lossless).ok());
+  EXPECT_TRUE(settings.set(Parameter::kMergeFraction, -1, merge_fraction).ok());
+  EXPECT_TRUE(settings.set(Parameter::kMergeCount, -1, merge_count).ok());
+  EXPECT_TRUE(settings.set(Parameter::kLossless, -1, lossless).ok());
   EncoderInput in;
   in.gaussians = input.view();
   in.timeline = input.timeline;

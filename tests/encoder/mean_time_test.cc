@@ -34,8 +34,7 @@ double worst(const TestScene& scene, const Encoded& e) {
   d.open_memory(e.bytes.data(), e.bytes.size());
   double worst = 0;
   for (const l4d_bucket_span& r : a.spans) {
-    l4d_layer_info layer;
-    l4d_layer_info_init(&layer);
+    l4d_layer_info layer = L4D_INIT(l4d_layer_info);
     d.check(l4d_decoder_get_layer_info(d.get(), r.layer, &layer));
     for (uint64_t k = r.first; k < r.first + r.count && layer.permanent == 0; ++k) {
       const size_t i = e.order[static_cast<size_t>(k)];
@@ -173,7 +172,10 @@ TEST(DoubleTimes, SlicesShowEventsWhenTheyAre) {
     const TestScene scene = long_day(begin);
     for (const char* preset : {"lossless", "archive"}) {
       EncodeOptions options = options_of(preset);
-      if (preset[0] == 'l') options = EncodeOptions{preset, false, {}, {}, 1, 0, {}, {}};
+      if (preset[0] == 'l') {
+        options = EncodeOptions();
+        options.preset = preset;
+      }
       const Encoded e = encode(scene, options);
       const GaussianArrays a = decode(e.bytes, all_query());
       DecoderHandle d;

@@ -46,8 +46,7 @@ class EncodeFile : public testing::Test {
   std::string folder_, path_;
   TestScene scene_;
   const l4d_encoder_options options_ = [] {
-    l4d_encoder_options o;
-    l4d_encoder_options_init(&o);
+    l4d_encoder_options o = L4D_INIT(l4d_encoder_options);
     o.threads = 1;
     return o;
   }();
@@ -125,8 +124,7 @@ TEST_F(EncodeFile, FailingWritersEndTheEncode) {
     Writer& w = *static_cast<Writer*>(user);
     return w.calls++ == w.fail_at ? 1 : 0;
   };
-  l4d_writer w;
-  l4d_writer_init(&w);
+  l4d_writer w = L4D_INIT(l4d_writer);
   w.user = &count;
   w.write = write;
   ASSERT_EQ(l4d_encoder_encode(encoder_.get(), &w), L4D_OK);
@@ -146,8 +144,7 @@ TEST_F(EncodeFile, FailingWritersEndTheEncode) {
 TEST_F(EncodeFile, UnwritablePlaces) {
   EXPECT_EQ(l4d_encoder_encode_file(encoder_.get(), (folder_ + "/none/scene.l4d").c_str()),
             L4D_ERR_IO);
-  EXPECT_NE(std::string(l4d_encoder_error_message(encoder_.get())).find("/none/scene.l4d"),
-            std::string::npos);
+  EXPECT_NE(std::string(l4d_last_error_message()).find("/none/scene.l4d"), std::string::npos);
   // A folder of that name is in the way.
   fs::create_directory(path_);
   EXPECT_EQ(l4d_encoder_encode_file(encoder_.get(), path_.c_str()), L4D_ERR_IO);

@@ -69,7 +69,7 @@ TEST(Profile, SettingsThatBreakItAreRefused) {
   expect(with("indexed", 3, -1), "lossless needs lossless = 1");
   expect(with("default", 1, -1), "does not allow coding = 1, transforms, of sh");
   EncodeOptions options = with("indexed", 1, -1);
-  options.settings.push_back({L4D_ENC_CODING, 1, L4D_COMPONENT_SCALE});
+  options.settings.push_back({L4D_ENC_CODING ".scale", 1});
   expect(options, "of scale");
   options = with("indexed", 1, -1);
   options.settings.push_back({L4D_ENC_FIXED_POSITIONS, 1});

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sessions: what the members of a scene show at an instant is what the scene shows then.
-#include "l4d/session.h"
+#include "l4d/experimental/session.h"
 
 #include <gtest/gtest.h>
 
@@ -42,8 +42,7 @@ struct Recorded {
 };
 
 l4d_session_options session_options(double segment) {
-  l4d_session_options o;
-  l4d_session_options_init(&o);
+  l4d_session_options o = L4D_INIT(l4d_session_options);
   o.segment_seconds = segment;
   return o;
 }
@@ -69,13 +68,11 @@ class Recorder {
   }
   // All members of the piece.
   l4d_status encode() {
-    l4d_writer writer;
-    l4d_writer_init(&writer);
+    l4d_writer writer = L4D_INIT(l4d_writer);
     writer.user = &out.bytes;
     writer.write = &append;
     for (;;) {
-      l4d_member member;
-      l4d_member_init(&member);
+      l4d_member member = L4D_INIT(l4d_member);
       encoder_.check(l4d_session_encode(session_.get(), &writer, &member));
       if (member.bytes == 0) return L4D_OK;
       out.members.push_back(member);
@@ -94,6 +91,7 @@ class Recorder {
 
 Recorded record(const TestScene& scene, const EncodeOptions& options, double segment) {
   l4d_session_options o = session_options(segment);
+  o.has_end = 1;
   o.end = scene.timeline.time_begin + scene.duration();
   Recorder recorder(options, scene, o);
   EXPECT_EQ(recorder.add(scene), L4D_OK) << l4d_last_error_message();
@@ -135,8 +133,7 @@ Shown shown_by_members(const Bytes& file, const Members& members, double time, f
   EXPECT_LE(count, 32u);
   Shown out;
   for (uint64_t k = 0; k < count; ++k) {
-    l4d_member member;
-    l4d_member_init(&member);
+    l4d_member member = L4D_INIT(l4d_member);
     EXPECT_EQ(l4d_members_get(members.get(), indices[k], &member), L4D_OK);
     l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
     options.accept_needs = 1;
@@ -299,8 +296,8 @@ TEST(Session, MembersNeedFewOthersHoweverManyPiecesCome) {
 }
 
 // The bytes that a refusal says are needed.
-uint64_t needed_bytes(const Recorder& recorder) {
-  const std::string message = l4d_encoder_error_message(recorder.encoder().get());
+uint64_t needed_bytes() {
+  const std::string message = l4d_last_error_message();
   const std::string before = "need ";
   const size_t at = message.find(before);
   EXPECT_NE(at, std::string::npos) << message;
@@ -320,7 +317,7 @@ TEST(Session, RefusesAPieceThatItsMemoryDoesNotHold) {
   };
   Recorder least(lossless(), first, with_limit(1));
   ASSERT_EQ(least.add(first), L4D_ERR_LIMIT_EXCEEDED);
-  const uint64_t of_first = needed_bytes(least);
+  const uint64_t of_first = needed_bytes();
   EXPECT_GT(of_first, first.count() * (3 + 1 + 4 + 8 + 1 + scene.sh_dim()) * sizeof(float));
   Recorder below(lossless(), first, with_limit(of_first - 1));
   EXPECT_EQ(below.add(first), L4D_ERR_LIMIT_EXCEEDED);
@@ -328,7 +325,7 @@ TEST(Session, RefusesAPieceThatItsMemoryDoesNotHold) {
   Recorder recorder(lossless(), first, with_limit(of_first));
   ASSERT_EQ(recorder.add(first), L4D_OK) << l4d_last_error_message();
   ASSERT_EQ(recorder.add(second), L4D_ERR_LIMIT_EXCEEDED);
-  const uint64_t of_both = needed_bytes(recorder);
+  const uint64_t of_both = needed_bytes();
   EXPECT_GT(of_both, of_first);
   EXPECT_LE(of_both, of_first / first.count() * scene.count());
   // The refused piece changes nothing: what lives on is shown as if it had not come.
@@ -448,15 +445,13 @@ TEST(Session, MembersAreWhatTheirHeadersSay) {
   options.rans = true;
   const Recorded r = record(scene, options, 0.4);
   const Members members = open(r.bytes);
-  l4d_members_info info;
-  l4d_members_info_init(&info);
+  l4d_members_info info = L4D_INIT(l4d_members_info);
   ASSERT_EQ(l4d_members_get_info(members.get(), &info), L4D_OK);
   EXPECT_EQ(info.rest, L4D_OK);
   EXPECT_NE(info.stream, 0u);
   ASSERT_EQ(info.count, r.members.size());
   for (uint64_t i = 0; i < info.count; ++i) {
-    l4d_member m;
-    l4d_member_init(&m);
+    l4d_member m = L4D_INIT(l4d_member);
     ASSERT_EQ(l4d_members_get(members.get(), i, &m), L4D_OK);
     const l4d_member& w = r.members[i];
     EXPECT_EQ(m.offset, w.offset);
@@ -504,11 +499,10 @@ TEST(Session, MembersWithoutGaussiansAreOfTheSameScene) {
     EXPECT_EQ(a.sh_degree, b.sh_degree);
     EXPECT_EQ(a.profile, b.profile);
     EXPECT_EQ(b.level, 1u);
-    l4d_members_info info;
-    l4d_members_info_init(&info);
+    l4d_members_info info = L4D_INIT(l4d_members_info);
     const Members members = open(recorder.out.bytes);
     ASSERT_EQ(l4d_members_get_info(members.get(), &info), L4D_OK);
-    EXPECT_EQ(info.rest, L4D_OK) << l4d_members_rest_message(members.get());
+    EXPECT_EQ(info.rest, L4D_OK) << info.rest_message;
     EXPECT_EQ(info.count, recorder.out.members.size());
   }
 }
@@ -517,11 +511,12 @@ TEST(Session, RefusesWhatDoesNotFollow) {
   const TestScene scene = make_scene(SceneOptions());
   l4d_session* out = nullptr;
   EncoderHandle encoder;
-  l4d_session_options bad = session_options(0);
+  l4d_session_options bad = session_options(-1);
   EXPECT_EQ(l4d_session_create(encoder.get(), &bad, &out), L4D_ERR_INVALID_ARGUMENT);
   bad = session_options(std::numeric_limits<double>::quiet_NaN());
   EXPECT_EQ(l4d_session_create(encoder.get(), &bad, &out), L4D_ERR_INVALID_ARGUMENT);
   bad = session_options(2);
+  bad.has_end = 1;
   bad.end = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(l4d_session_create(encoder.get(), &bad, &out), L4D_ERR_INVALID_ARGUMENT);
   ASSERT_EQ(l4d_session_create(encoder.get(), nullptr, &out), L4D_OK);
@@ -535,6 +530,16 @@ TEST(Session, RefusesWhatDoesNotFollow) {
   later.time_begin = 2;
   later.sh_degree = 2;
   EXPECT_EQ(recorder.add(make_scene(later)), L4D_ERR_INVALID_ARGUMENT) << "another SH degree";
+  later.sh_degree = SceneOptions().sh_degree;
+  const TestScene after = make_scene(later);
+  const l4d_gaussians view = after.view();
+  recorder.encoder().check(
+      l4d_encoder_set_scene(recorder.encoder().get(), &view, &after.timeline, nullptr));
+  l4d_importance importance = L4D_INIT(l4d_importance);
+  importance.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
+  recorder.encoder().check(l4d_encoder_set_importance(recorder.encoder().get(), &importance));
+  EXPECT_EQ(l4d_session_add(recorder.session()), L4D_ERR_INVALID_ARGUMENT) << "another metric";
+  EXPECT_NE(std::string(l4d_last_error_message()).find("metric"), std::string::npos);
   later.sh_degree = 1;
   ASSERT_EQ(recorder.add(make_scene(later)), L4D_OK);
   later.time_begin = 4;

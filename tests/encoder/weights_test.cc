@@ -37,10 +37,10 @@ TEST(GaussNewton, CodebooksWeighErrorsByItsSquare) {
     root[i] = static_cast<float>(std::exp(2 * random.normal()));
     square[i] = root[i] * root[i];
   }
-  const auto coded = [&](double measure, const std::vector<float>& weights) {
+  const auto coded = [&](uint32_t metric, const std::vector<float>& weights) {
     EncodeOptions o = small_options();
     o.settings.push_back({L4D_ENC_CODEBOOK_SIZE, 32});
-    o.settings.push_back({L4D_ENC_WEIGHT_METRIC, measure});
+    o.metric = metric;
     for (const uint32_t which :
          {L4D_WEIGHT_SH, L4D_WEIGHT_SCALE, L4D_WEIGHT_ROTOR_SPATIAL, L4D_WEIGHT_ROTOR_TEMPORAL}) {
       o.weights.emplace_back(which, &weights);
@@ -87,8 +87,8 @@ TEST(PruneCost, LeavesOutExactlyWhatIsWorthLessThanItsBits) {
         }
         EncodeOptions o;
         o.preset = "default";
-        o.settings = {
-            {L4D_ENC_WEIGHT_METRIC, 1}, {L4D_ENC_QUALITY, quality}, {L4D_ENC_PRUNE_COST, cost}};
+        o.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
+        o.settings = {{L4D_ENC_QUALITY, quality}, {L4D_ENC_PRUNE_COST, cost}};
         o.weights = {{L4D_WEIGHT_OPACITY, &weights}};
         const Encoded e = encode(given, o);
         EXPECT_EQ(e.report.pruned, scene.count() - kept.size());

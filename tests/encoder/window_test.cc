@@ -9,6 +9,8 @@
 #include <cmath>
 #include <map>
 
+#include "l4d/experimental/columns.h"
+#include "l4d/experimental/packed.h"
 #include "libl4dcodec/scene/slice.h"
 #include "tests/common/codec.h"
 #include "tests/common/random.h"
@@ -193,8 +195,7 @@ TEST(Windows, BesideOtherGaussians) {
     }
     // The columns that renderers take hold as many.
     for (const double t : {0.0, 0.51, 1.0, 1.999}) {
-      l4d_splat_columns columns;
-      l4d_splat_columns_init(&columns);
+      l4d_splat_columns columns = L4D_INIT(l4d_splat_columns);
       decoder.check(l4d_decoder_slice_columns(decoder.get(), t, &columns));
       const uint64_t in_columns = columns.count;
       EXPECT_EQ(decoder.slice(t).count(), in_columns) << t;
@@ -212,8 +213,7 @@ TEST(Windows, ThePackedForm) {
   EXPECT_EQ(decoder.info().profile, uint32_t{L4D_PROFILE_INDEXED});
   const GaussianArrays all = decoder.decode(all_query());
   std::vector<uint32_t> windows(2 * all.count(), 99);
-  l4d_packed_buffers packed;
-  l4d_packed_buffers_init(&packed);
+  l4d_packed_buffers packed = L4D_INIT(l4d_packed_buffers);
   packed.capacity = all.count();
   packed.window = windows.data();
   const l4d_query query = all_query();
@@ -228,8 +228,7 @@ TEST(Windows, OfNobodyAreZeros) {
   std::vector<uint32_t> windows(2 * all.count(), 99);
   DecoderHandle decoder;
   decoder.open_memory(dynamic_file().data(), dynamic_file().size());
-  l4d_gaussian_buffers buffers;
-  l4d_gaussian_buffers_init(&buffers);
+  l4d_gaussian_buffers buffers = L4D_INIT(l4d_gaussian_buffers);
   buffers.capacity = all.count();
   buffers.window = windows.data();
   const l4d_query query = all_query();

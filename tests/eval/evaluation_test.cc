@@ -188,6 +188,40 @@ TEST(Encoding, AnObserverCanEndIt) {
   }
 }
 
+TEST(Encoding, StreamsInMemoryAreCounted) {
+  const io::Scene scene = scene_of(500);
+  const EncoderHandle encoder = encoder_of(scene);
+  Observer observer;
+  const io::MemoryBudget budget("the limit", uint64_t{1} << 20);
+  {
+    const Encoding encoding = encode_scene(observer, encoder, "", false, budget.holder());
+    EXPECT_GT(encoding.stream.size(), 0u);
+    EXPECT_EQ(budget.held(), encoding.stream.size());
+  }
+  EXPECT_EQ(budget.held(), 0u);
+  // A search for a target holds the best stream and the last one.
+  uint64_t most = 0, largest = 0;
+  TargetCalls calls;
+  calls.begin = [&](size_t, double) -> Observer& { return observer; };
+  calls.measure = [&](const Encoding& encoding, Observer&) {
+    most = std::max(most, budget.held());
+    largest = std::max<uint64_t>(largest, encoding.stream.size());
+    return static_cast<double>(encoding.stream.size());
+  };
+  calls.holder = budget.holder();
+  Encoding encoding;
+  encode_to_target({Target::Kind::kSize, 40000, ""}, encoder, calls, &encoding);
+  EXPECT_GE(most, largest);
+  EXPECT_LE(most, 2 * largest);
+  const io::MemoryBudget small("the limit", 1000);
+  try {
+    encode_scene(observer, encoder, "", false, small.holder());
+    ADD_FAILURE() << "not refused";
+  } catch (const io::Error& error) {
+    EXPECT_EQ(error.status(), L4D_ERR_LIMIT_EXCEEDED);
+  }
+}
+
 TEST(Target, BytesAndLargestErrorsAreReached) {
   const io::Scene scene = scene_of(1500);
   const EncoderHandle encoder = encoder_of(scene);

@@ -6,7 +6,7 @@
 #include "eval/opacity_fit.h"
 #include "eval/pruning.h"
 #include "io/synth/synth.h"
-#include "l4d/render.hpp"
+#include "l4d/experimental/sensitivity.hpp"
 
 namespace l4d::eval {
 namespace {
@@ -49,8 +49,7 @@ struct Setting {
     views.views = io::select_views(views.set, {"all", "", "0:12:4"}, scene.timeline);
     RendererHandle renderer;
     renderer.set_gaussians(scene.view(), scene.timeline);
-    l4d_sensitivity_options options;
-    l4d_sensitivity_options_init(&options);
+    l4d_sensitivity_options options = L4D_INIT(l4d_sensitivity_options);
     options.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
     SensitivityHandle sums(&options, scene.count(), scene.sh_degree);
     for (const io::View& view : views.views) {

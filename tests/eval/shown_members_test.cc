@@ -9,6 +9,7 @@
 #include "eval/rendered_scene.h"
 #include "eval/views.h"
 #include "io/synth/synth.h"
+#include "l4d/experimental/copy.h"
 #include "l4d/l4d.hpp"
 
 namespace l4d::eval {
@@ -17,8 +18,7 @@ namespace {
 using Bytes = std::vector<unsigned char>;
 
 l4d_reader reader_of(const Bytes& bytes) {
-  l4d_reader reader;
-  l4d_reader_init(&reader);
+  l4d_reader reader = L4D_INIT(l4d_reader);
   reader.user = const_cast<Bytes*>(&bytes);
   reader.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
     const auto& from = *static_cast<const Bytes*>(user);
@@ -43,16 +43,14 @@ Bytes encode(const io::Scene& scene) {
 
 void append(const Bytes& stream, uint32_t number, uint32_t role, double shift,
             const std::vector<uint32_t>& needs, Bytes* file) {
-  l4d_member_parameters p;
-  l4d_member_parameters_init(&p);
+  l4d_member_parameters p = L4D_INIT(l4d_member_parameters);
   p.is_member = 1;
   p.number = number;
   p.role = role;
   p.shift = shift;
   p.needs = needs.data();
   p.num_needs = static_cast<uint32_t>(needs.size());
-  l4d_writer writer;
-  l4d_writer_init(&writer);
+  l4d_writer writer = L4D_INIT(l4d_writer);
   writer.user = file;
   writer.write = [](void* user, const void* src, size_t n) {
     const auto* bytes = static_cast<const unsigned char*>(src);
@@ -92,8 +90,7 @@ SplatArrays slice(const Bytes& stream, double time) {
 
 TEST(ShownMembers, SliceToTheUnionOfWhatTheyNeed) {
   const Setting s;
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   const l4d_reader reader = reader_of(s.file);
   ShownMembers members(reader, options);
   EXPECT_EQ(members.timeline().time_begin, 2);
@@ -135,8 +132,7 @@ TEST(ShownMembers, RenderAsOneScene) {
   add(more.opacity, &all.opacity);
   add(more.sh, &all.sh);
   const Bytes together = encode(all);
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   const l4d_reader reader = reader_of(s.file);
   RenderedScene one({}, StreamBytes{together.data(), together.size()}, "one");
   RenderedScene several({}, StreamMembers{nullptr, std::make_shared<ShownMembers>(reader, options)},

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <functional>
 
+#include "l4d/experimental/parameters.h"
 #include "tests/faults/decoder_calls.h"
 #include "tests/faults/failing_new.h"
 
@@ -15,8 +16,7 @@ namespace {
 using namespace test;
 
 l4d_counters counters(l4d_decoder* d) {
-  l4d_counters c;
-  l4d_counters_init(&c);
+  l4d_counters c = L4D_INIT(l4d_counters);
   EXPECT_EQ(l4d_decoder_get_counters(d, &c), L4D_OK);
   return c;
 }

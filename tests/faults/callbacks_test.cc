@@ -4,6 +4,7 @@
 
 #include <cstring>
 
+#include "l4d/experimental/parameters.h"
 #include "tests/common/sh_detail.h"
 #include "tests/faults/decoder_calls.h"
 
@@ -56,10 +57,9 @@ void fail_every_read(const Bytes& file) {
         const l4d_reader reader = faulty.reader();
         const DecoderHandle d = calls.opened(reader, 1);
         ASSERT_EQ(calls.make(call, d.get(), reader), L4D_ERR_IO) << "read " << k;
-        ASSERT_STRNE(l4d_decoder_error_message(d.get()), "");
+        ASSERT_STRNE(l4d_last_error_message(), "");
         ASSERT_EQ(calls.make(call, d.get(), reader), L4D_OK) << "read " << k;
         ASSERT_TRUE(calls.right(call)) << "read " << k;
-        ASSERT_STREQ(l4d_decoder_error_message(d.get()), "");
       }
     }
   }
@@ -146,8 +146,7 @@ TEST(Cancelling, OptionsRegisterTheCallbackOfADecoder) {
   DecoderHandle d(&o);
   d.open_memory(tiny_file().data(), tiny_file().size());
   const l4d_query q = all_query();
-  l4d_gaussian_buffers b;
-  l4d_gaussian_buffers_init(&b);
+  l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
   b.capacity = d.info().num_gaussians;
   EXPECT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_ERR_CANCELLED);
   l4d_decoder_set_progress(d.get(), nullptr, nullptr);
@@ -161,8 +160,7 @@ struct FaultyWriter {
   int calls = 0;
   Bytes bytes;
   l4d_writer writer() {
-    l4d_writer w;
-    l4d_writer_init(&w);
+    l4d_writer w = L4D_INIT(l4d_writer);
     w.user = this;
     w.write = [](void* user, const void* src, size_t n) -> int {
       FaultyWriter& self = *static_cast<FaultyWriter*>(user);
@@ -202,7 +200,7 @@ TEST(WriterFaults, EveryCall) {
     writer = faulty.writer();
     ASSERT_EQ(l4d_encoder_encode(small.encoder.get(), &writer), L4D_ERR_IO) << "write " << k;
     EXPECT_EQ(faulty.calls, k + 1) << "nothing is written after a failure";
-    ASSERT_STRNE(l4d_encoder_error_message(small.encoder.get()), "");
+    ASSERT_STRNE(l4d_last_error_message(), "");
     // What came before is a beginning of the file.
     ASSERT_LE(faulty.bytes.size(), whole.bytes.size());
     ASSERT_TRUE(std::equal(faulty.bytes.begin(), faulty.bytes.end(), whole.bytes.begin()));
@@ -227,8 +225,7 @@ TEST(Cancelling, EncoderAtEveryPoint) {
     const l4d_writer writer = out.writer();
     ASSERT_EQ(l4d_encoder_encode(small.encoder.get(), &writer), L4D_ERR_CANCELLED) << "point " << k;
     EXPECT_EQ(stop.calls, k + 1) << "one answer is enough";
-    l4d_encode_report report;
-    l4d_encode_report_init(&report);
+    l4d_encode_report report = L4D_INIT(l4d_encode_report);
     // That of the last success stays.
     ASSERT_EQ(l4d_encoder_get_report(small.encoder.get(), &report), L4D_OK);
     EXPECT_EQ(report.file_bytes, want.size());

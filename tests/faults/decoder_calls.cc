@@ -3,6 +3,9 @@
 
 #include <algorithm>
 
+#include "l4d/experimental/inspect.h"
+#include "l4d/experimental/packed.h"
+
 namespace l4d::test {
 namespace {
 
@@ -60,18 +63,17 @@ l4d_status DecoderCalls::make(Call call, l4d_decoder* decoder, const l4d_reader&
   switch (call) {
     case Call::kOpen: {
       const l4d_status status = l4d_decoder_open(decoder, &reader);
-      l4d_info_init(&got_.info);
+      got_.info = L4D_INIT(l4d_info);
       const l4d_status informed = l4d_decoder_get_info(decoder, &got_.info);
       // A stream that could not be opened leaves none behind.
       EXPECT_EQ(informed, status == L4D_OK ? L4D_OK : L4D_ERR_INVALID_STATE);
       return status;
     }
     case Call::kSelect:
-      l4d_selection_init(&got_.selection);
+      got_.selection = L4D_INIT(l4d_selection);
       return l4d_decoder_select(decoder, &all, &got_.selection);
     case Call::kDecode: {
-      l4d_gaussian_buffers b;
-      l4d_gaussian_buffers_init(&b);
+      l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
       b.capacity = n;
       wipe(got_.position, got_.log_scale, got_.rotor, got_.sh);
       b.position = got_.position.data();
@@ -81,8 +83,7 @@ l4d_status DecoderCalls::make(Call call, l4d_decoder* decoder, const l4d_reader&
       return l4d_decoder_decode(decoder, &all, &b);
     }
     case Call::kSlice: {
-      l4d_splat_buffers b;
-      l4d_splat_buffers_init(&b);
+      l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
       b.capacity = n;
       wipe(got_.splats, got_.opacity);
       b.position = got_.splats.data();
@@ -92,8 +93,7 @@ l4d_status DecoderCalls::make(Call call, l4d_decoder* decoder, const l4d_reader&
       return status;
     }
     case Call::kPacked: {
-      l4d_packed_buffers b;
-      l4d_packed_buffers_init(&b);
+      l4d_packed_buffers b = L4D_INIT(l4d_packed_buffers);
       b.capacity = n;
       wipe(got_.packed, got_.index);
       b.position = got_.packed.data();
@@ -110,8 +110,7 @@ l4d_status DecoderCalls::make(Call call, l4d_decoder* decoder, const l4d_reader&
       got_.codebook.clear();
       for (uint32_t l = 0; l < num_layers_; ++l) {
         for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-          l4d_codebook codebook;
-          l4d_codebook_init(&codebook);
+          l4d_codebook codebook = L4D_INIT(l4d_codebook);
           const l4d_status status =
               l4d_decoder_get_codebook(decoder, l, c, 0, L4D_NO_BLOCK, &codebook);
           if (status != L4D_OK) return status;
@@ -122,7 +121,7 @@ l4d_status DecoderCalls::make(Call call, l4d_decoder* decoder, const l4d_reader&
       }
       return L4D_OK;
     case Call::kStreamDemand:
-      l4d_stream_demand_init(&got_.demand);
+      got_.demand = L4D_INIT(l4d_stream_demand);
       return l4d_decoder_get_stream_demand(decoder, &got_.demand);
   }
   return L4D_ERR_INTERNAL;

@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "l4d/experimental/inspect.h"
 #include "tests/common/codec.h"
 
 namespace l4d::test {

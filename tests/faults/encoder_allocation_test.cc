@@ -21,8 +21,7 @@ struct Comparison {
   size_t at = 0;
   bool equal = true;
   l4d_writer writer() {
-    l4d_writer w;
-    l4d_writer_init(&w);
+    l4d_writer w = L4D_INIT(l4d_writer);
     w.user = this;
     w.write = [](void* user, const void* src, size_t n) -> int {
       Comparison& self = *static_cast<Comparison*>(user);
@@ -64,13 +63,12 @@ TEST_P(EncoderAllocations, EncodingSurvivesEachFailure) {
     options.settings.push_back({L4D_ENC_ZSTD_LEVEL, 1});
     options.settings.push_back({L4D_ENC_RCQ, 2});
     options.settings.push_back({L4D_ENC_RCQ_SIZE, 2});
-    options.stages = {{L4D_ALL_COMPONENTS, {1.0f, 0.5f}}};
+    options.stages = {{L4D_ENC_STAGES, {1.0f, 0.5f}}};
   }
   options.threads = c.threads;
   const Bytes want = encode(scene, options).bytes;
 
-  l4d_encoder_options o;
-  l4d_encoder_options_init(&o);
+  l4d_encoder_options o = L4D_INIT(l4d_encoder_options);
   o.threads = c.threads;
   const EncoderHandle e(&o);
   prepare_encoder(scene, options, e);
@@ -100,7 +98,7 @@ TEST_P(EncoderAllocations, EncodingSurvivesEachFailure) {
     } else {
       ASSERT_EQ(status, L4D_ERR_OUT_OF_MEMORY) << "allocation " << k;
       ++refused;
-      ASSERT_STRNE(l4d_encoder_error_message(e.get()), "");
+      ASSERT_STRNE(l4d_last_error_message(), "");
     }
     // Every now and then: that the handle still works. Each is one encode more.
     if (k % 16 == 0) {
@@ -153,17 +151,20 @@ TEST(EncoderAllocation, SettingFailsCleanly) {
   s.sh_degree = 0;
   const TestScene scene = make_scene(s);
   const l4d_gaussians view = scene.view();
-  const float fractions[] = {1.0f, 0.5f, 0.25f};
+  const double fractions[] = {1, 0.5, 0.25};
   const std::string long_text(200, 'x');
   const std::function<l4d_status(l4d_encoder*)> steps[] = {
       [](l4d_encoder* e) { return l4d_encoder_set_preset(e, "default"); },
-      [](l4d_encoder* e) {
-        return l4d_encoder_set(e, L4D_ENC_CODEBOOK_SIZE, L4D_ALL_COMPONENTS, 2);
+      [](l4d_encoder* e) { return l4d_encoder_set(e, L4D_ENC_CODEBOOK_SIZE, 2); },
+      [&](l4d_encoder* e) {
+        return l4d_encoder_set_list(e, L4D_ENC_STAGES ".scale", fractions, 3);
       },
-      [&](l4d_encoder* e) { return l4d_encoder_set_stages(e, L4D_COMPONENT_SCALE, 3, fractions); },
       [&](l4d_encoder* e) { return l4d_encoder_set_scene(e, &view, &scene.timeline, nullptr); },
       [&](l4d_encoder* e) {
-        return l4d_encoder_set_weights(e, L4D_WEIGHT_ALPHA_T, scene.opacity.data(), scene.count());
+        l4d_importance importance = L4D_INIT(l4d_importance);
+        importance.count = scene.count();
+        importance.weights[L4D_WEIGHT_ALPHA_T] = scene.opacity.data();
+        return l4d_encoder_set_importance(e, &importance);
       },
       [&](l4d_encoder* e) {
         return l4d_encoder_add_metadata(e, long_text.c_str(), long_text.c_str());

@@ -48,7 +48,7 @@ class Files : public testing::Test {
   l4d_status encode_to(const fs::path& path) const {
     return l4d_encoder_encode_file(encoder_.get(), path.c_str());
   }
-  std::string detail() const { return l4d_encoder_error_message(encoder_.get()); }
+  std::string detail() const { return l4d_last_error_message(); }
   std::vector<std::string> names() const {
     std::vector<std::string> all;
     for (const auto& entry : fs::directory_iterator(folder_)) {
@@ -241,8 +241,7 @@ TEST_F(Files, ShrinkingUnderTheReader) {
   d.open_file(path.string());
   fs::resize_file(path, want_.size() / 2);
   const l4d_query q = all_query();
-  l4d_gaussian_buffers b;
-  l4d_gaussian_buffers_init(&b);
+  l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
   b.capacity = d.info().num_gaussians;
   EXPECT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_ERR_IO);
   std::ofstream(path, std::ios::binary)

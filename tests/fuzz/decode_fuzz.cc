@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "l4d/decode.h"
+#include "l4d/experimental/inspect.h"
+#include "l4d/experimental/packed.h"
 #include "tests/fuzz/stream_mutator.h"
 #include "tests/hostile/chunk_walk.h"
 
@@ -17,20 +19,16 @@ namespace {
 constexpr uint64_t kMaxGaussians = 100000;
 
 void decode_whole(l4d_decoder* decoder, const l4d_info& info, uint32_t detail) {
-  l4d_query query;
-  l4d_query_init(&query);
-  query.detail = detail;
-  (void)l4d_decoder_set_detail(decoder, detail);
-  l4d_selection selection;
-  l4d_selection_init(&selection);
+  l4d_query query = L4D_INIT(l4d_query);
+  query.point.detail = detail;
+  l4d_selection selection = L4D_INIT(l4d_selection);
   if (l4d_decoder_select(decoder, &query, &selection) != L4D_OK) return;
   const size_t n = static_cast<size_t>(selection.num_gaussians);
   if (n > kMaxGaussians) std::abort();  // the limit was not honoured
   const size_t sh_dim = 3 * (info.sh_degree + 1) * (info.sh_degree + 1);
   std::vector<float> position(3 * n), mean(n), scale(4 * n), rotor(8 * n), opacity(n),
       sh(sh_dim * n);
-  l4d_gaussian_buffers buffers;
-  l4d_gaussian_buffers_init(&buffers);
+  l4d_gaussian_buffers buffers = L4D_INIT(l4d_gaussian_buffers);
   buffers.capacity = n;
   buffers.position = position.data();
   buffers.mean_t = mean.data();
@@ -40,13 +38,12 @@ void decode_whole(l4d_decoder* decoder, const l4d_info& info, uint32_t detail) {
   buffers.sh = sh.data();
   (void)l4d_decoder_decode(decoder, &query, &buffers);
   std::vector<uint16_t> index(n * L4D_MAX_STAGES);
-  l4d_packed_buffers packed;
-  l4d_packed_buffers_init(&packed);
+  l4d_packed_buffers packed = L4D_INIT(l4d_packed_buffers);
   packed.capacity = n;
   packed.component[L4D_COMPONENT_SCALE].index = index.data();
   (void)l4d_decoder_decode_packed(decoder, &query, &packed);
-  l4d_splat_buffers splats;
-  l4d_splat_buffers_init(&splats);
+  l4d_splat_buffers splats = L4D_INIT(l4d_splat_buffers);
+  splats.point = query.point;
   (void)l4d_decoder_slice(decoder, info.timeline.time_begin + 0.5 * info.duration, &splats);
 }
 
@@ -66,8 +63,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   // An exact-size copy, so that a read one byte too far is seen.
   std::vector<unsigned char> file(data + 1, data + size);
   if ((data[0] & 1) != 0) l4d::test::repair_checksums(file);
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   options.threads = 1;
   options.backend = (data[0] & 2) != 0 ? L4D_BACKEND_REFERENCE : L4D_BACKEND_CPU;
   options.max_memory_bytes = 256u << 20;
@@ -75,20 +71,17 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   l4d_decoder* decoder = nullptr;
   if (l4d_decoder_create(&options, &decoder) != L4D_OK) return 0;
   if (l4d_decoder_open_memory(decoder, file.data(), file.size()) == L4D_OK) {
-    l4d_info info;
-    l4d_info_init(&info);
+    l4d_info info = L4D_INIT(l4d_info);
     if (l4d_decoder_get_info(decoder, &info) != L4D_OK) std::abort();
     decode_whole(decoder, info, L4D_DETAIL_FULL);
     decode_whole(decoder, info, L4D_DETAIL_BASE_COLOR);
     uint64_t sections[L4D_SECTION_COUNT];
     (void)l4d_decoder_get_sections(decoder, sections, L4D_SECTION_COUNT, nullptr, nullptr, 0);
-    l4d_codebook codebook;
-    l4d_codebook_init(&codebook);
+    l4d_codebook codebook = L4D_INIT(l4d_codebook);
     (void)l4d_decoder_get_codebook(decoder, 0, L4D_COMPONENT_SCALE, 0, L4D_NO_BLOCK, &codebook);
   }
   l4d_decoder_destroy(decoder);
-  l4d_reader reader;
-  l4d_reader_init(&reader);
+  l4d_reader reader = L4D_INIT(l4d_reader);
   reader.user = &file;
   reader.read_at = read_at;
   reader.size = size_of;

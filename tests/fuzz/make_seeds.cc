@@ -7,10 +7,14 @@
 #include <fstream>
 #include <string>
 
+#include "io/formats/write_4dgs.h"
+#include "io/formats/write_sog.h"
+#include "io/formats/write_spz.h"
 #include "io/image/image.h"
 #include "io/ply/scene_ply.h"
 #include "io/ply/weights.h"
 #include "io/synth/synth.h"
+#include "l4d/experimental/copy.h"
 #include "l4d/members.h"
 #include "libl4dcodec/container/directory.h"
 #include "libl4dcodec/container/file_header.h"
@@ -103,8 +107,7 @@ void write_pieces(const Seeds& seeds, const std::string& name, const Bytes& file
 }
 
 l4d_reader memory_reader(const Bytes& bytes) {
-  l4d_reader reader;
-  l4d_reader_init(&reader);
+  l4d_reader reader = L4D_INIT(l4d_reader);
   reader.user = const_cast<Bytes*>(&bytes);
   reader.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
     std::memcpy(dst, static_cast<const Bytes*>(user)->data() + offset, n);
@@ -123,23 +126,23 @@ int append(void* user, const void* src, size_t n) {
   return 0;
 }
 
-// A file of two members, the second of which needs the first, and an index.
-Bytes chain_of(const Bytes& stream) {
+// A file of two members, the second of which needs the first, and an index. *first_bytes: of the
+// first.
+Bytes chain_of(const Bytes& stream, size_t* first_bytes) {
   const auto check = [](l4d_status status) {
     if (status != L4D_OK) throw std::runtime_error(l4d_last_error_message());
   };
   Bytes out;
-  l4d_writer writer;
-  l4d_writer_init(&writer);
+  l4d_writer writer = L4D_INIT(l4d_writer);
   writer.user = &out;
   writer.write = append;
   const uint32_t first = 0;
-  l4d_member_parameters p;
-  l4d_member_parameters_init(&p);
+  l4d_member_parameters p = L4D_INIT(l4d_member_parameters);
   p.is_member = 1;
   p.role = L4D_MEMBER_STANDING;
   const l4d_reader reader = memory_reader(stream);
   check(l4d_copy_member(&reader, nullptr, &p, &writer, nullptr));
+  *first_bytes = out.size();
   p.role = L4D_MEMBER_MEDIA;
   p.number = 1;
   p.needs = &first;
@@ -155,6 +158,34 @@ Bytes chain_of(const Bytes& stream) {
   return out;
 }
 
+// What playlist_fuzz.cc gets: the members of a chain as a playlist that ends, or is live.
+void write_playlist(const Seeds& seeds, const std::string& name, const Bytes& chain,
+                    size_t first_bytes) {
+  const std::string first = std::to_string(first_bytes);
+  const std::string second = std::to_string(chain.size() - first_bytes);
+  for (const bool ends : {true, false}) {
+    const std::string text =
+        "#EXTM3U\n#EXT-X-VERSION:4\n#EXT-X-TARGETDURATION:2\n#EXT-X-MEDIA-SEQUENCE:0\n"
+        "#EXT-X-L4D-STANDING:NUMBER=0,BEGIN=0,END=4,SHIFT=0,BYTERANGE=\"" +
+        first +
+        "@0\",URI=\"a.l4d\"\n#EXT-X-L4D-MEMBER:NUMBER=1,BEGIN=0,SHIFT=0,NEEDS=\"0\"\n"
+        "#EXTINF:2.000000,\n#EXT-X-BYTERANGE:" +
+        second + "@" + first +
+        "\na.l4d\n"
+        "#EXT-X-L4D-MEMBER:NUMBER=2,BEGIN=2,SHIFT=2,NEEDS=\"\"\n#EXTINF:2.000000,\n"
+        "#EXT-X-BYTERANGE:" +
+        first + "@0\nb.l4d\n" + (ends ? "#EXT-X-ENDLIST\n" : "");
+    Bytes control = {255,
+                     20,
+                     static_cast<unsigned char>(text.size() & 255),
+                     static_cast<unsigned char>(text.size() >> 8),
+                     0,
+                     ends};
+    control.insert(control.end(), text.begin(), text.end());
+    seeds.write("playlist", name + (ends ? "" : "-live"), control, chain);
+  }
+}
+
 void write_streams(const Seeds& seeds) {
   for (const l4d::test::SmallFile& file : l4d::test::small_files()) {
     for (unsigned char flags = 0; flags < 3; ++flags) {
@@ -166,16 +197,16 @@ void write_streams(const Seeds& seeds) {
       steps[2 + 3u * k] = static_cast<unsigned char>(12 * (5 * k % 16));
     }
     seeds.write("session", file.name, steps, file.bytes);
-    Bytes supplies(2 + 4 * 16, 0);
+    Bytes session(2 + 4 * 16, 0);
     for (unsigned k = 0; k < 16; ++k) {
-      supplies[2 + 4 * k] = static_cast<unsigned char>(k % 6 == 1 ? 133 : k);
-      supplies[3 + 4 * k] = static_cast<unsigned char>(37 * k);
-      supplies[4 + 4 * k] = static_cast<unsigned char>(64 + k);
-      supplies[5 + 4 * k] = static_cast<unsigned char>(255 - 19 * k);
+      session[2 + 4 * k] = static_cast<unsigned char>(k);
+      session[3 + 4 * k] = static_cast<unsigned char>(37 * k);
+      session[4 + 4 * k] = static_cast<unsigned char>(64 + k);
+      session[5 + 4 * k] = static_cast<unsigned char>(255 - 19 * k);
     }
-    seeds.write("supply", file.name, supplies, file.bytes);
-    supplies[0] = 3;
-    seeds.write("supply", file.name + "-tolerant", supplies, file.bytes);
+    seeds.write("playback", file.name, session, file.bytes);
+    session[0] = 7;
+    seeds.write("playback", file.name + "-strict", session, file.bytes);
     Bytes events(3 + 29, 0);
     events[1] = 255;
     seeds.write("reader", file.name, events, file.bytes);
@@ -183,11 +214,36 @@ void write_streams(const Seeds& seeds) {
     events[1] = 3;
     seeds.write("reader", file.name + "-validate", events, file.bytes);
     seeds.write("validate", file.name, {}, file.bytes);
-    const Bytes chain = chain_of(file.bytes);
+    size_t first_bytes = 0;
+    const Bytes chain = chain_of(file.bytes, &first_bytes);
+    write_playlist(seeds, file.name, chain, first_bytes);
     seeds.write("members", file.name, {}, chain);
     seeds.write("validate", file.name + std::string("-members"), {}, chain);
     write_pieces(seeds, file.name, file.bytes);
   }
+}
+
+void write_other_scenes(const Seeds& seeds, const l4d::io::Splats& splats) {
+  l4d::io::write_spz(seeds.path("scenes", "spz").string(), splats, {});
+  try {
+    l4d::io::write_sog(seeds.path("scenes", "sog").string(), splats, {});
+  } catch (const l4d::io::Error& error) {
+    if (error.status() != L4D_ERR_FEATURE_UNSUPPORTED) throw;  // a build without libwebp
+  }
+  seeds.text("scenes", "splat", std::string(64, '\x7f'));
+  // Two Gaussians without compression.
+  std::string ksplat(4096 + 1024 + 2 * 44, '\0');
+  ksplat[1] = ksplat[4] = ksplat[8] = 1;
+  ksplat[16] = ksplat[4096] = ksplat[4100] = 2;
+  seeds.text("scenes", "ksplat", ksplat + "x");
+  const std::string list =
+      R"([{"type": "splat", "size": 65536, "texwidth": 4096, "texheight": 1, "cameras": [{)"
+      R"("position": [0, 0, -5], "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "fx": 50, "fy": 50,)"
+      R"( "width": 64, "height": 64}]}])";
+  std::string splatv = std::string("Kg\0\0", 4) + static_cast<char>(list.size()) +
+                       std::string(3, '\0') + list + std::string(64, '\x3c');
+  splatv.resize(8 + list.size() + 65536);
+  seeds.text("scenes", "splatv", splatv);
 }
 
 void write_scenes(const Seeds& seeds) {
@@ -197,12 +253,14 @@ void write_scenes(const Seeds& seeds) {
   const l4d::io::Scene scene = l4d::io::synthesize(options);
   l4d::io::write_l4d_ply(seeds.path("ply", "l4d").string(), scene);
   l4d::io::write_ftgs_ply(seeds.path("ply", "ftgs").string(), scene);
+  l4d::io::write_4dgs(seeds.path("scenes", "4dgs").string(), scene);
   l4d::io::Splats splats;
   splats.position = {0, 0, 1, 1, 0, 2};
   splats.covariance = {1, 0, 0, 1, 0, 1, 0.5f, 0.1f, 0, 1, 0, 2};
   splats.opacity = {0.5f, 1};
   splats.sh = {1, 0, 0, 0, 1, 0};
   l4d::io::write_3dgs_ply(seeds.path("ply", "3dgs").string(), splats);
+  write_other_scenes(seeds, splats);
   seeds.text("ply", "ascii",
              "ply\nformat ascii 1.0\nelement camera 1\nproperty list uchar int view\n"
              "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n"

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <vector>
 
+#include "l4d/experimental/copy.h"
 #include "l4d/members.h"
 #include "tests/fuzz/stream_mutator.h"
 #include "tests/hostile/session.h"
@@ -28,8 +29,7 @@ int64_t size_of(void* user) {
 }
 
 l4d_reader reader_of(const Bytes& file) {
-  l4d_reader reader;
-  l4d_reader_init(&reader);
+  l4d_reader reader = L4D_INIT(l4d_reader);
   reader.user = const_cast<Bytes*>(&file);
   reader.read_at = read_at;
   reader.size = size_of;
@@ -43,24 +43,22 @@ int append(void* user, const void* src, size_t n) {
   return 0;
 }
 l4d_writer writer_to(Bytes* out) {
-  l4d_writer writer;
-  l4d_writer_init(&writer);
+  l4d_writer writer = L4D_INIT(l4d_writer);
   writer.user = out;
   writer.write = append;
   return writer;
 }
 
 // Members lie one behind the other, and what shows an instant is in the list.
-std::vector<l4d_member> look_at(const l4d_members* members, const Bytes& file) {
-  l4d_members_info info;
-  l4d_members_info_init(&info);
+std::vector<l4d_member> call_on(const l4d_members* members, const Bytes& file) {
+  l4d_members_info info = L4D_INIT(l4d_members_info);
   require(l4d_members_get_info(members, &info) == L4D_OK);
   require(info.count > 0 && info.bytes <= file.size());
   std::vector<l4d_member> out(static_cast<size_t>(info.count));
   uint64_t end = 0;
   for (uint64_t i = 0; i < info.count; ++i) {
     l4d_member& m = out[static_cast<size_t>(i)];
-    l4d_member_init(&m);
+    m = L4D_INIT(l4d_member);
     require(l4d_members_get(members, i, &m) == L4D_OK);
     require(m.offset == end && m.bytes >= 40 && m.bytes <= file.size() - m.offset);
     end = m.offset + m.bytes;
@@ -80,8 +78,7 @@ std::vector<l4d_member> look_at(const l4d_members* members, const Bytes& file) {
 void copy_tolerantly(const l4d_reader& part, size_t size) {
   l4d_decoder_options options = l4d::test::session_options();
   options.tolerant = 1;
-  l4d_member_parameters p;
-  l4d_member_parameters_init(&p);
+  l4d_member_parameters p = L4D_INIT(l4d_member_parameters);
   Bytes out;
   const l4d_writer writer = writer_to(&out);
   const l4d_status status = l4d_copy_member(&part, &options, &p, &writer, nullptr);
@@ -98,14 +95,12 @@ void copy_tolerantly(const l4d_reader& part, size_t size) {
 // A copy of a member is a valid file where the member has no violation.
 void copy(l4d_members* members, uint64_t index, const l4d_member& m) {
   const l4d_decoder_options options = l4d::test::session_options();
-  l4d_reader part;
-  l4d_reader_init(&part);
+  l4d_reader part = L4D_INIT(l4d_reader);
   if (l4d_members_get_reader(members, index, &part) != L4D_OK) return;
   copy_tolerantly(part, static_cast<size_t>(m.bytes));
   uint64_t before = 0, after = 0;
   if (l4d_validate(&part, &options, nullptr, nullptr, &before) != L4D_OK) return;
-  l4d_member_parameters p;
-  l4d_member_parameters_init(&p);
+  l4d_member_parameters p = L4D_INIT(l4d_member_parameters);
   p.has_edit = m.number & 1;
   p.edit_begin = m.begin - m.shift;
   p.edit_end = p.edit_begin + (m.end - m.begin) / 2;
@@ -127,15 +122,14 @@ void copy(l4d_members* members, uint64_t index, const l4d_member& m) {
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const Bytes file(data, data + size);
   const l4d_reader reader = reader_of(file);
-  l4d_members_options options;
-  l4d_members_options_init(&options);
+  l4d_members_options options = L4D_INIT(l4d_members_options);
   options.max_memory_bytes = l4d::test::session_options().max_memory_bytes;
   for (options.ignore_index = 0; options.ignore_index < 2; ++options.ignore_index) {
     l4d_members* members = nullptr;
     const l4d_status status = l4d_members_open(&reader, &options, &members);
     require(status != L4D_ERR_INTERNAL && status != L4D_ERR_INVALID_ARGUMENT);
     if (status != L4D_OK) continue;
-    const std::vector<l4d_member> found = look_at(members, file);
+    const std::vector<l4d_member> found = call_on(members, file);
     for (size_t i = 0; i < std::min<size_t>(found.size(), 4); ++i) copy(members, i, found[i]);
     Bytes index;
     const l4d_writer writer = writer_to(&index);

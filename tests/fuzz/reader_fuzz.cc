@@ -47,8 +47,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (size < kControlBytes) return 0;
   static Session& session = *new Session;
   Reader state{data, l4d::Bytes(data + kControlBytes, data + size)};
-  l4d_reader reader;
-  l4d_reader_init(&reader);
+  l4d_reader reader = L4D_INIT(l4d_reader);
   reader.user = &state;
   reader.read_at = Reader::read_at;
   reader.size = Reader::size;

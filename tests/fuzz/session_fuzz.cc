@@ -36,8 +36,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     const l4d_status status = session.step(decoder, static_cast<Session::Step>(step[0] % kinds),
                                            step[1] | uint32_t{step[2]} << 8);
     if (status == L4D_ERR_INTERNAL) std::abort();
-    l4d_counters counters;
-    l4d_counters_init(&counters);
+    l4d_counters counters = L4D_INIT(l4d_counters);
     if (l4d_decoder_get_counters(decoder, &counters) != L4D_OK) std::abort();
     if (counters.memory_bytes > l4d::test::kSessionMemory) std::abort();
   }

@@ -28,8 +28,7 @@ void on_violation(void*, const l4d_violation* v) {
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   static l4d::test::Session& session = *new l4d::test::Session;
   l4d::Bytes file(data, data + size);
-  l4d_reader reader;
-  l4d_reader_init(&reader);
+  l4d_reader reader = L4D_INIT(l4d_reader);
   reader.user = &file;
   reader.read_at = read_at;
   reader.size = size_of;

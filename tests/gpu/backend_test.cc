@@ -9,7 +9,7 @@
 #include "l4d/cuda.h"
 #include "libl4dcodec/cuda/device.h"
 #include "tests/common/codec.h"
-#include "tests/gpu/device.h"
+#include "tests/gpu/decode_support.h"
 
 namespace l4d {
 namespace {
@@ -67,14 +67,52 @@ INSTANTIATE_TEST_SUITE_P(Files, Backend,
                                          NamedFile{"Tiny", test::tiny_file}),
                          test::file_name);
 
+class BackendOfWindows : public test::OnDevice<testing::Test> {};
+
+TEST_F(BackendOfWindows, DecodesToTheHostsBits) {
+  test::EncodeOptions encoding;
+  encoding.preset = "default";
+  encoding.rans = true;
+  const test::TestScene scene = test::windowed_scene({}, 3);
+  const Bytes bytes = test::encode(scene, encoding).bytes;
+  const size_t n = scene.count();
+  struct Times {
+    std::vector<float> mean_t, mean_t_local;
+    std::vector<uint32_t> window;
+    uint64_t pages_of_the_host = 0;
+  };
+  const auto decode = [&](uint32_t backend) {
+    const l4d_decoder_options options = test::decoder_options(backend, 1);
+    const DecoderHandle decoder(&options);
+    decoder.check(l4d_decoder_open_memory(decoder.get(), bytes.data(), bytes.size()));
+    Times out{std::vector<float>(n), std::vector<float>(n), std::vector<uint32_t>(2 * n, 99)};
+    l4d_gaussian_buffers buffers = L4D_INIT(l4d_gaussian_buffers);
+    buffers.capacity = n;
+    buffers.mean_t = out.mean_t.data();
+    buffers.mean_t_local = out.mean_t_local.data();
+    buffers.window = out.window.data();
+    const l4d_query query = test::all_query();
+    decoder.check(l4d_decoder_decode(decoder.get(), &query, &buffers));
+    l4d_counters counters = L4D_INIT(l4d_counters);
+    decoder.check(l4d_decoder_get_counters(decoder.get(), &counters));
+    out.pages_of_the_host = counters.pages_decoded;
+    return out;
+  };
+  const Times host = decode(L4D_BACKEND_REFERENCE), device = decode(L4D_BACKEND_CUDA);
+  expect_same_bits(host.mean_t, device.mean_t, "mean_t");
+  expect_same_bits(host.mean_t_local, device.mean_t_local, "mean_t_local");
+  EXPECT_EQ(host.window, device.window);
+  EXPECT_GT(host.pages_of_the_host, 0u);
+  EXPECT_EQ(device.pages_of_the_host, 0u);
+}
+
 TEST(BackendWithoutDevice, IsRefused) {
   if (cuda::device_count() > 0) GTEST_SKIP() << "there is a device";
   const l4d_decoder_options options = test::decoder_options(L4D_BACKEND_CUDA, 1);
   l4d_decoder* decoder = nullptr;
   EXPECT_EQ(l4d_decoder_create(&options, &decoder), L4D_ERR_DEVICE);
   EXPECT_EQ(decoder, nullptr);
-  l4d_encoder_options encoder_options;
-  l4d_encoder_options_init(&encoder_options);
+  l4d_encoder_options encoder_options = L4D_INIT(l4d_encoder_options);
   encoder_options.backend = L4D_BACKEND_CUDA;
   l4d_encoder* encoder = nullptr;
   EXPECT_EQ(l4d_encoder_create(&encoder_options, &encoder), L4D_ERR_DEVICE);

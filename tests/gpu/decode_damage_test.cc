@@ -23,7 +23,7 @@ Verdict of_host(const Bytes& bytes, const l4d_query& query, GaussianArrays* out)
     decoder.open_memory(bytes.data(), bytes.size());
     *out = decoder.decode(query);
   } catch (const Error& e) {
-    return verdict(e.status(), l4d_decoder_error_message(decoder.get()));
+    return verdict(e.status(), l4d_last_error_message());
   }
   return {};
 }
@@ -39,7 +39,7 @@ Verdict same_verdict(const Bytes& bytes) {
     found = DeviceDecoding(decoder).decode(all_query());
   } catch (const Error& e) {
     found.status = e.status();
-    found.detail = l4d_decoder_error_message(decoder.get());
+    found.detail = l4d_last_error_message();
   }
   EXPECT_EQ(verdict(found.status, found.detail), host) << found.detail;
   if (host.status == L4D_OK && found.status == L4D_OK) {
@@ -49,6 +49,9 @@ Verdict same_verdict(const Bytes& bytes) {
     EXPECT_TRUE(same_bits("position", found.arrays.position, expected.position));
     EXPECT_TRUE(same_bits("mean_t", found.arrays.mean_t, expected.mean_t));
     EXPECT_TRUE(same_bits("opacity", found.arrays.opacity, expected.opacity));
+    if (!expected.window.empty()) {
+      EXPECT_EQ(found.arrays.window, expected.window);
+    }
   }
   return host;
 }
@@ -65,6 +68,16 @@ Bytes transforms(uint64_t count, const char* preset, std::vector<Setting> settin
   return encode(make_scene(s), o).bytes;
 }
 
+Bytes windows() {
+  SceneOptions s;
+  s.count = 900;
+  EncodeOptions o;
+  o.preset = "default";
+  o.rans = true;
+  o.settings = {{L4D_ENC_MERGE_COUNT, 40}, {L4D_ENC_PAGE_SIZE, 200}};
+  return encode(windowed_scene(s, 4), o).bytes;
+}
+
 Bytes codebooks_with_escapes() {
   SceneOptions s;
   s.count = 900;
@@ -74,7 +87,7 @@ Bytes codebooks_with_escapes() {
   EncodeOptions o = small_options();
   o.rans = true;
   o.settings.push_back({L4D_ENC_ESCAPE_THRESHOLD, 30});
-  o.stages = {{L4D_ALL_COMPONENTS, {1.0f, 0.5f, 0.25f}}};
+  o.stages = {{L4D_ENC_STAGES, {1.0f, 0.5f, 0.25f}}};
   for (uint32_t w = L4D_WEIGHT_SH; w <= L4D_WEIGHT_ROTOR_TEMPORAL; ++w) {
     o.weights.emplace_back(w, &weights);
   }
@@ -97,7 +110,9 @@ TEST_F(Damage, OfPagesAndTablesIsFoundWhereTheHostFindsIt) {
   const Bytes files[] = {transforms(600, "default", {{L4D_ENC_PAGE_SIZE, 200}}),
                          transforms(600, "default", {{L4D_ENC_FIXED_POSITIONS, 0}}),
                          transforms(700, "indexed", {{L4D_ENC_CODEBOOK_SIZE, 50}}),
-                         codebooks_with_escapes(), encode(make_scene(large), in_parts).bytes};
+                         codebooks_with_escapes(),
+                         windows(),
+                         encode(make_scene(large), in_parts).bytes};
   for (const Bytes& file : files) {
     for (int round = 0; round < 60; ++round) {
       StreamEditor editor(file);
@@ -159,13 +174,32 @@ TEST_F(Damage, OfLimitsIsFoundWhereTheHostFindsIt) {
   EXPECT_TRUE(seen.count("spec STRM-3"));
 }
 
+// Lengths count from another number, or begins have one bit less.
+TEST_F(Damage, OfWindowsIsFoundWhereTheHostFindsIt) {
+  std::set<std::string> seen;
+  const auto check = [&](const std::function<void(LayerHeader&)>& edit) {
+    StreamEditor editor(windows());
+    // Pages of raw positions are the host's, which decodes them before the device begins.
+    for (LayerHeader& layer : editor.header.layers) {
+      if (layer.flat() && !layer.raw_position) edit(layer);
+    }
+    const Verdict v = same_verdict(editor.build());
+    EXPECT_EQ(v.status, L4D_ERR_CORRUPT);
+    seen.insert(v.where.substr(0, v.where.find(" at")));
+  };
+  check([](LayerHeader& layer) { layer.window_length = 0; });
+  check([](LayerHeader& layer) { layer.window_length = 100; });
+  EXPECT_EQ(seen, std::set<std::string>{"spec WIND-3"});
+  check([](LayerHeader& layer) { layer.window_begin_bits -= layer.window_begin_bits > 1 ? 1 : 0; });
+  EXPECT_TRUE(seen.count("spec STRM-3"));
+}
+
 // Of a decode on the host of the opacities alone.
 l4d_status opacity_status(const Bytes& file, size_t count) {
   DecoderHandle decoder;
   decoder.open_memory(file.data(), file.size());
   std::vector<float> opacity(count);
-  l4d_gaussian_buffers buffers;
-  l4d_gaussian_buffers_init(&buffers);
+  l4d_gaussian_buffers buffers = L4D_INIT(l4d_gaussian_buffers);
   buffers.capacity = count;
   buffers.opacity = opacity.data();
   const l4d_query query = all_query();
@@ -195,15 +229,13 @@ TEST_F(Damage, LeavesRowsOfOtherPagesAndNoTraceInItsOwn) {
   DecoderHandle decoder;
   decoder.open_memory(damaged.data(), damaged.size());
   DeviceDecoding device(decoder);
-  l4d_cuda_request request;
-  l4d_cuda_request_init(&request);
+  l4d_cuda_request request = L4D_INIT(l4d_cuda_request);
   const l4d_query query = all_query();
   ASSERT_EQ(l4d_cuda_decoder_prepare(device.get(), &query, &request), L4D_OK);
   const PoisonedMemory workspace(static_cast<size_t>(request.workspace_bytes));
   const PoisonedMemory array(static_cast<size_t>(request.num_gaussians) * sizeof(float));
   const std::vector<float> before = array.read();
-  l4d_cuda_gaussian_buffers buffers;
-  l4d_cuda_gaussian_buffers_init(&buffers);
+  l4d_cuda_gaussian_buffers buffers = L4D_INIT(l4d_cuda_gaussian_buffers);
   buffers.capacity = request.num_gaussians;
   buffers.opacity = array.floats();
   ASSERT_EQ(l4d_cuda_decoder_decode(device.get(), &buffers, workspace.data(),

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "l4d/experimental/cuda_packed.h"
 #include "tests/common/codec.h"
 
 namespace l4d::test {
@@ -32,6 +33,7 @@ struct PackedSizes {
     for (const unsigned k : {kPackedMeanT, kPackedOpacity, kPackedScaleFactor}) {
       set(k, 2 * capacity);
     }
+    set(kPackedWindow, 8 * capacity);
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       const uint64_t dim =
           c == L4D_COMPONENT_SH ? 3 * (info.sh_degree + 1) * (info.sh_degree + 1) : 4;
@@ -59,6 +61,9 @@ void set_array(unsigned k, void* at, Buffers* buffers) {
     case kPackedScaleFactor:
       buffers->scale_factor = halves;
       return;
+    case kPackedWindow:
+      buffers->window = static_cast<uint32_t*>(at);
+      return;
     default:
       break;
   }
@@ -76,9 +81,7 @@ void set_array(unsigned k, void* at, Buffers* buffers) {
   }
 }
 
-Verdict verdict_of(DecoderHandle& decoder, l4d_status status) {
-  return verdict(status, l4d_decoder_error_message(decoder.get()));
-}
+Verdict verdict_of(l4d_status status) { return verdict(status, l4d_last_error_message()); }
 
 }  // namespace
 
@@ -86,8 +89,7 @@ PackedResult pack_on_host(DecoderHandle& decoder, const l4d_query& query,
                           const PackedRequest& request) {
   PackedResult result;
   const PackedSizes sizes(decoder, decoder.select(query).num_gaussians, request);
-  l4d_packed_buffers buffers;
-  l4d_packed_buffers_init(&buffers);
+  l4d_packed_buffers buffers = L4D_INIT(l4d_packed_buffers);
   buffers.capacity = sizes.capacity;
   for (unsigned k = 0; k < kNumPackedArrays; ++k) {
     if ((request.arrays >> k & 1) == 0) continue;
@@ -97,8 +99,8 @@ PackedResult pack_on_host(DecoderHandle& decoder, const l4d_query& query,
   }
   for (l4d_packed_component& c : buffers.component) c.escape_capacity = sizes.escape_capacity;
   const l4d_status status = l4d_decoder_decode_packed(decoder.get(), &query, &buffers);
-  result.verdict = verdict_of(decoder, status);
-  result.detail = l4d_decoder_error_message(decoder.get());
+  result.verdict = verdict_of(status);
+  result.detail = l4d_last_error_message();
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
     result.num_escapes[c] = buffers.component[c].num_escapes;
   }
@@ -109,17 +111,15 @@ PackedResult pack_on_device(DecoderHandle& decoder, DeviceDecoding& device, cons
                             const PackedRequest& request) {
   PackedResult result;
   const auto failed = [&](l4d_status status) {
-    result.detail = l4d_cuda_decoder_error_message(device.get());
+    result.detail = l4d_last_error_message();
     result.verdict = verdict(status, result.detail);
     return status != L4D_OK;
   };
-  l4d_cuda_request prepared;
-  l4d_cuda_request_init(&prepared);
+  l4d_cuda_request prepared = L4D_INIT(l4d_cuda_request);
   prepared.forms = request.forms;
   if (failed(l4d_cuda_decoder_prepare(device.get(), &query, &prepared))) return result;
   const PackedSizes sizes(decoder, prepared.num_gaussians, request);
-  l4d_cuda_packed_buffers buffers;
-  l4d_cuda_packed_buffers_init(&buffers);
+  l4d_cuda_packed_buffers buffers = L4D_INIT(l4d_cuda_packed_buffers);
   buffers.capacity = sizes.capacity;
   std::array<std::unique_ptr<PoisonedMemory>, kNumPackedArrays> memory;
   for (unsigned k = 0; k < kNumPackedArrays; ++k) {
@@ -166,14 +166,14 @@ PackedPair pack_on_both(const Bytes& file, const l4d_query& query, const PackedR
     host.open_memory(file.data(), file.size());
     pair.host = pack_on_host(host, query, request);
   } catch (const Error& e) {
-    pair.host.verdict = verdict_of(host, e.status());
+    pair.host.verdict = verdict_of(e.status());
   }
   try {
     of_device.open_memory(file.data(), file.size());
     DeviceDecoding device(of_device);
     pair.device = pack_on_device(of_device, device, query, request);
   } catch (const Error& e) {
-    pair.device.verdict = verdict_of(of_device, e.status());
+    pair.device.verdict = verdict_of(e.status());
   }
   return pair;
 }

@@ -15,6 +15,7 @@ enum PackedArray : unsigned {
   kPackedMeanT,
   kPackedOpacity,
   kPackedScaleFactor,
+  kPackedWindow,
   kPackedDepth,
   kPackedIndex,
   kPackedEscape,

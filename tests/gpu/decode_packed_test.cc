@@ -9,6 +9,7 @@
 #include <string>
 #include <tuple>
 
+#include "l4d/experimental/cuda_packed.h"
 #include "tests/common/codec.h"
 #include "tests/common/random.h"
 #include "tests/common/stream_editor.h"
@@ -21,9 +22,9 @@ std::vector<l4d_query> queries() {
   std::vector<l4d_query> out = {all_query(), time_query(0.0), time_query(0.7), time_query(1.9),
                                 range_query(0.4, 1.1)};
   out.push_back(time_query(0.7));
-  out.back().max_level = 1;
+  out.back().point.levels = 2;
   out.push_back(all_query());
-  out.back().detail = L4D_DETAIL_BASE_COLOR;
+  out.back().point.detail = L4D_DETAIL_BASE_COLOR;
   return out;
 }
 
@@ -41,7 +42,7 @@ EncodeOptions with_escapes(const TestScene& scene, bool rans, std::vector<float>
   for (size_t i = 0; i < weights->size(); ++i) (*weights)[i] = static_cast<float>(i % 40);
   EncodeOptions o = small_options();
   o.rans = rans;
-  o.stages = {{L4D_ALL_COMPONENTS, {1.0f, 0.5f, 0.25f}}};
+  o.stages = {{L4D_ENC_STAGES, {1.0f, 0.5f, 0.25f}}};
   o.settings.push_back({L4D_ENC_ESCAPE_THRESHOLD, 37.5});
   for (uint32_t w = L4D_WEIGHT_SH; w <= L4D_WEIGHT_ROTOR_TEMPORAL; ++w) {
     o.weights.emplace_back(w, weights);
@@ -126,6 +127,23 @@ TEST_F(Packed, PermanentLayersAndShChunks) {
                   {L4D_ENC_CODEBOOK_SIZE, 256},
                   {L4D_ENC_KMEANS_ITERATIONS, 2}};
     expect_same_for_all_queries(encode(make_scene(s), o).bytes);
+  }
+}
+
+TEST_F(Packed, FlatWindows) {
+  SceneOptions s;
+  s.count = 3000;
+  const TestScene scene = windowed_scene(s, 5);
+  for (const bool rans : {true, false}) {
+    EncodeOptions o = small_options();
+    o.rans = rans;
+    o.settings.push_back({L4D_ENC_PROFILE, L4D_PROFILE_INDEXED});
+    const Bytes file = encode(scene, o).bytes;
+    expect_same_for_all_queries(file);
+    const PackedPair pair = pack_on_both(file, all_query());
+    const Bytes& windows = pair.device.arrays[kPackedWindow];
+    EXPECT_GT(std::count_if(windows.begin(), windows.end(), [](unsigned char b) { return b != 0; }),
+              2000);
   }
 }
 
@@ -246,15 +264,13 @@ TEST_F(Packed, BothFormsOfOneRequest) {
     EXPECT_TRUE(same_packed(pair));
     // The request is still there.
     const GaussianArrays expected = decode(file, all_query());
-    l4d_cuda_request request;
-    l4d_cuda_request_init(&request);
+    l4d_cuda_request request = L4D_INIT(l4d_cuda_request);
     request.forms = both.forms;
     const l4d_query query = all_query();
     ASSERT_EQ(l4d_cuda_decoder_prepare(device.get(), &query, &request), L4D_OK);
     const PoisonedMemory workspace(static_cast<size_t>(request.workspace_bytes));
     const PoisonedMemory sh(expected.sh.size() * sizeof(float));
-    l4d_cuda_gaussian_buffers buffers;
-    l4d_cuda_gaussian_buffers_init(&buffers);
+    l4d_cuda_gaussian_buffers buffers = L4D_INIT(l4d_cuda_gaussian_buffers);
     buffers.capacity = request.num_gaussians;
     buffers.sh = sh.floats();
     ASSERT_EQ(l4d_cuda_decoder_decode(device.get(), &buffers, workspace.data(),
@@ -289,8 +305,8 @@ TEST_F(Packed, CodebooksAreThoseOfTheHost) {
     int codebooks = 0, blocks = 0;
     const auto compare = [&](uint32_t layer, uint32_t c, uint32_t s, uint32_t block) {
       l4d_codebook expected, found;
-      l4d_codebook_init(&expected);
-      l4d_codebook_init(&found);
+      expected = L4D_INIT(l4d_codebook);
+      found = L4D_INIT(l4d_codebook);
       ASSERT_EQ(l4d_decoder_get_codebook(host.get(), layer, c, s, block, &expected), L4D_OK);
       ASSERT_EQ(l4d_cuda_decoder_get_codebook(device.get(), layer, c, s, block, &found), L4D_OK);
       ASSERT_EQ(found.num_entries, expected.num_entries);
@@ -315,8 +331,7 @@ TEST_F(Packed, CodebooksAreThoseOfTheHost) {
     }
     EXPECT_EQ(blocks > 0, (decoder.info().tools & L4D_TOOL_RCQ) != 0);
     EXPECT_EQ(codebooks > 0, (decoder.info().tools & L4D_TOOL_TRANSFORM) == 0);
-    l4d_codebook none;
-    l4d_codebook_init(&none);
+    l4d_codebook none = L4D_INIT(l4d_codebook);
     EXPECT_EQ(l4d_cuda_decoder_get_codebook(device.get(), 1000, 0, 0, L4D_NO_BLOCK, &none),
               L4D_ERR_INVALID_ARGUMENT);
   }

@@ -14,6 +14,7 @@
 #include "l4d/cuda.h"
 #include "l4d/l4d.hpp"
 #include "libl4dcodec/base/bytes.h"
+#include "tests/common/test_scene.h"
 #include "tests/gpu/device.h"
 
 namespace l4d::test {
@@ -24,6 +25,9 @@ inline void cuda_check(cudaError_t error) {
 
 // A stream whose components have codebooks of blocks, with a permanent layer.
 Bytes block_codebooks_file(bool rans);
+
+// Flat windows of 1 to `longest` frames for two of three Gaussians.
+TestScene windowed_scene(const SceneOptions& options, uint32_t longest);
 
 // Status, clause and offset of a failure; messages may say more on the host.
 struct Verdict {
@@ -50,8 +54,10 @@ class PoisonedMemory {
 
   void* data() const { return data_; }
   float* floats() const { return static_cast<float*>(data_); }
+  uint32_t* words() const { return static_cast<uint32_t*>(data_); }
   size_t bytes() const { return bytes_; }
   std::vector<float> read() const;
+  std::vector<uint32_t> read_words() const;
   // Whether what lies behind still is as it was.
   bool is_intact_behind() const;
 
@@ -91,5 +97,10 @@ DeviceResult decode_on_device(const Bytes& bytes, const l4d_query& query,
 
 // Leaves the attributes asked for, as a decoder that gets NULL for the others.
 GaussianArrays only(GaussianArrays arrays, uint32_t attributes);
+
+// The same bits as the reference on the host, and the same spans.
+void expect_as_on_host(const Bytes& bytes, const l4d_query& query,
+                       uint32_t attributes = L4D_CUDA_ALL_ATTRIBUTES);
+void expect_as_on_host_for_all_queries(const Bytes& bytes);
 
 }  // namespace l4d::test

@@ -10,8 +10,7 @@ namespace l4d::test {
 
 // Whether CUDA's first device is one that this build has code for.
 inline bool has_device() {
-  l4d_cuda_device_info info;
-  l4d_cuda_device_info_init(&info);
+  l4d_cuda_device_info info = L4D_INIT(l4d_cuda_device_info);
   return l4d_cuda_get_device_info(0, &info) == L4D_OK && info.usable != 0;
 }
 

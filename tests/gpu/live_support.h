@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <memory>
 
-#include "l4d/cuda_train.h"
+#include "l4d/experimental/cuda_train.h"
 #include "tests/gpu/render_support.h"
 
 namespace l4d::render {
@@ -72,21 +72,27 @@ struct LiveArrays {
         log_scale(spread(scene.log_scale, 4, 4, rows, filler)),
         rotor(spread(scene.rotor, 8, 8, rows, filler)),
         opacity(spread(scene.opacity, 1, 1, rows, filler)),
-        sh(spread(scene.sh, 3 * scene.sh_coefficients(), sh_stride, rows, filler)) {}
+        sh(spread(scene.sh, 3 * scene.sh_coefficients(), sh_stride, rows, filler)),
+        window(2 * rows, 0u) {
+    std::vector<uint32_t> windows = scene.window;
+    windows.resize(2 * rows);
+    window.write(windows);
+  }
   l4d_gaussians view(const io::Scene& scene) const {
     l4d_gaussians g = scene.view();
     g.count = capacity;
+    g.mean_t_double = nullptr;  // of the host
     g.position = position.get();
     g.mean_t = mean_t.get();
     g.log_scale = log_scale.get();
     g.rotor = rotor.get();
     g.opacity = opacity.get();
     g.sh = sh.get();
+    g.window = scene.window.empty() ? nullptr : window.get();
     return g;
   }
   l4d_gradients gradients() const {
-    l4d_gradients g;
-    l4d_gradients_init(&g);
+    l4d_gradients g = L4D_INIT(l4d_gradients);
     g.count = capacity;
     g.position = position.get();
     g.mean_t = mean_t.get();
@@ -104,6 +110,7 @@ struct LiveArrays {
   }
   size_t capacity, stride;
   DeviceArray<float> position, mean_t, log_scale, rotor, opacity, sh;
+  DeviceArray<uint32_t> window;
 };
 
 struct DestroyLive {
@@ -116,19 +123,16 @@ inline LiveHandle make_live() {
   EXPECT_EQ(l4d_cuda_live_create(nullptr, &out), L4D_OK);
   return LiveHandle(out);
 }
-inline void check(const LiveHandle& live, l4d_status status) {
-  EXPECT_EQ(status, L4D_OK) << l4d_cuda_live_error_message(live.get());
-}
+inline void check(l4d_status status) { EXPECT_EQ(status, L4D_OK) << l4d_last_error_message(); }
 
 inline void reserve(const LiveHandle& live, const l4d_camera& camera, uint64_t visible,
                     uint64_t instances, uint32_t views) {
-  l4d_cuda_frame_capacity capacity;
-  l4d_cuda_frame_capacity_init(&capacity);
+  l4d_cuda_frame_capacity capacity = L4D_INIT(l4d_cuda_frame_capacity);
   capacity.width = camera.width;
   capacity.height = camera.height;
   capacity.visible = visible;
   capacity.instances = instances;
-  check(live, l4d_cuda_live_reserve(live.get(), &capacity, views));
+  check(l4d_cuda_live_reserve(live.get(), &capacity, views));
 }
 
 // Views of one step with the arrays that they are drawn into and derived from.
@@ -139,8 +143,7 @@ struct LiveViews {
       rgb.push_back(std::make_unique<DeviceArray<float>>(3 * pixels, -7.0f));
       upstream.push_back(std::make_unique<DeviceArray<float>>(3 * pixels, 0.0f));
       error.push_back(std::make_unique<DeviceArray<float>>(pixels, 0.0f));
-      l4d_cuda_live_view view;
-      l4d_cuda_live_view_init(&view);
+      l4d_cuda_live_view view = L4D_INIT(l4d_cuda_live_view);
       view.camera = &cameras[v];
       view.time = times[v];
       view.background[0] = 0.2f;
@@ -148,8 +151,7 @@ struct LiveViews {
       view.background[2] = 0.4f;
       view.rgb = rgb[v]->get();
       views.push_back(view);
-      l4d_cuda_live_loss loss;
-      l4d_cuda_live_loss_init(&loss);
+      l4d_cuda_live_loss loss = L4D_INIT(l4d_cuda_live_loss);
       loss.rgb_gradient = upstream[v]->get();
       loss.error = error[v]->get();
       losses.push_back(loss);
@@ -157,12 +159,12 @@ struct LiveViews {
   }
   uint32_t count() const { return static_cast<uint32_t>(views.size()); }
   void forward(const LiveHandle& live, void* stream = nullptr) const {
-    check(live, l4d_cuda_live_forward(live.get(), views.data(), count(), stream));
+    check(l4d_cuda_live_forward(live.get(), views.data(), count(), stream));
   }
   void backward(const LiveHandle& live, const l4d_gradients& gradients,
                 const l4d_cuda_live_statistics* statistics, void* stream = nullptr) const {
-    check(live, l4d_cuda_live_backward(live.get(), losses.data(), count(), &gradients, statistics,
-                                       stream));
+    check(
+        l4d_cuda_live_backward(live.get(), losses.data(), count(), &gradients, statistics, stream));
   }
   std::vector<l4d_camera> cameras;
   std::vector<std::unique_ptr<DeviceArray<float>>> rgb, upstream, error;
@@ -171,10 +173,9 @@ struct LiveViews {
 };
 
 inline l4d_cuda_live_report report_of(const LiveHandle& live) {
-  l4d_cuda_live_report report;
-  l4d_cuda_live_report_init(&report);
-  check(live, l4d_cuda_live_copy_report(live.get(), nullptr));
-  check(live, l4d_cuda_live_get_report(live.get(), 1, &report));
+  l4d_cuda_live_report report = L4D_INIT(l4d_cuda_live_report);
+  check(l4d_cuda_live_copy_report(live.get(), nullptr));
+  check(l4d_cuda_live_get_report(live.get(), 1, &report));
   return report;
 }
 

@@ -120,7 +120,7 @@ TEST(DeviceImage, OneGaussianOverAll) {
 TEST(DeviceImage, CamerasInsideTheScene) {
   L4D_SKIP_WITHOUT_DEVICE();
   const double eye[3] = {0.1, -0.4, 0.2}, target[3] = {1, -0.3, 0.7};
-  compare("inside", synth(20000), {look_at(160, 120, 90, eye, target)}, {0.5, 2.0});
+  compare("inside", synth(20000), {call_on(160, 120, 90, eye, target)}, {0.5, 2.0});
 }
 
 // A hundred thousand in one tile, most of them behind what is opaque, many at the very same depth:
@@ -153,9 +153,37 @@ TEST(DeviceImage, FadingAndMovingOnesAtTheirEnds) {
   compare("fading and moving", builder.scene(), {axis_camera(120, 90, 110)}, {0, 0.5, 1.1, 2.0});
 }
 
-TEST(DeviceImage, StreamsAreDecodedAndShown) {
+// At the beginnings of frames, just before them, and between.
+TEST(DeviceImage, FlatWindows) {
   L4D_SKIP_WITHOUT_DEVICE();
-  const io::Scene scene = synth(8000);
+  const double frame = 1.0 / 30;
+  compare("windows", with_windows(synth(20000)), ring(203, 151),
+          {0, frame, 17 * frame, std::nextafter(17 * frame, 0.0), 17.999 * frame, 55.4 * frame, 4});
+  io::Scene scene = with_windows(with_degree(synth(5000, 5), 1));
+  io::opacity_to_logit(scene);
+  io::positions_to_mean_time(scene);
+  compare("windows, logits and mean times", scene, ring(120, 90), {0.3, 1.7});
+}
+
+// Windows of a scene leave nothing behind in the next one.
+TEST(DeviceImage, ScenesWithAndWithoutWindows) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  const io::Scene without = synth(6000, 3), with = with_windows(without);
+  const l4d_camera camera = ring_camera(160, 120, 0.9);
+  RendererHandle device = make_device();
+  for (const io::Scene* scene : {&with, &without, &with}) {
+    RendererHandle expected = make_renderer(L4D_BACKEND_CPU);
+    for (RendererHandle* r : {&device, &expected}) {
+      r->set_gaussians(scene->view(), scene->timeline);
+      r->set_time(1.1);
+    }
+    const ImageDifference d = difference_of(device.render(camera), expected.render(camera), kStep);
+    EXPECT_LE(d.beyond, 2u);
+    EXPECT_EQ(device.stats().visible, expected.stats().visible);
+  }
+}
+
+void expect_streams_are_shown(const io::Scene& scene) {
   EncoderHandle encoder;
   const l4d_gaussians gaussians = scene.view();
   encoder.check(
@@ -177,9 +205,14 @@ TEST(DeviceImage, StreamsAreDecodedAndShown) {
   }
 }
 
+TEST(DeviceImage, StreamsAreDecodedAndShown) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  expect_streams_are_shown(synth(8000));
+  expect_streams_are_shown(with_windows(synth(8000)));
+}
+
 TEST(DeviceImage, ArgumentsAreChecked) {
-  l4d_renderer_options options;
-  l4d_renderer_options_init(&options);
+  l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
   options.backend = L4D_BACKEND_CUDA + 1;
   l4d_renderer* renderer = nullptr;
   EXPECT_EQ(l4d_renderer_create(&options, &renderer), L4D_ERR_FEATURE_UNSUPPORTED);
@@ -188,7 +221,7 @@ TEST(DeviceImage, ArgumentsAreChecked) {
   const io::Scene scene = synth(10);
   const l4d_gaussians gaussians = scene.view();
   EXPECT_EQ(l4d_renderer_set_gaussians(device.get(), &gaussians, &scene.timeline), L4D_ERR_DEVICE);
-  EXPECT_NE(std::string(l4d_renderer_error_message(device.get())), "");
+  EXPECT_NE(std::string(l4d_last_error_message()), "");
 }
 
 }  // namespace

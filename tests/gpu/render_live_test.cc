@@ -64,8 +64,7 @@ class Reference {
  private:
   void back(const l4d_camera& camera, const std::vector<float>& upstream, float* position,
             float* mean_t, float* log_scale, float* rotor, float* opacity, float* sh) {
-    l4d_gradients g;
-    l4d_gradients_init(&g);
+    l4d_gradients g = L4D_INIT(l4d_gradients);
     g.count = scene_.count();
     g.position = position;
     g.mean_t = mean_t;
@@ -109,13 +108,12 @@ void compare(const io::Scene& scene, size_t capacity, uint32_t sh_stride, const 
   const DeviceArray<uint32_t> count(1, static_cast<uint32_t>(n));
   const LiveHandle live = make_live();
   const l4d_gaussians g = arrays.view(scene);
-  l4d_cuda_live_rows rows;
-  l4d_cuda_live_rows_init(&rows);
+  l4d_cuda_live_rows rows = L4D_INIT(l4d_cuda_live_rows);
   rows.count = count.get();
   rows.sh_stride = sh_stride;
-  check(live, l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, &rows));
+  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, &rows));
   reserve(live, cameras[0], capacity, 1 << 18, 4);
-  check(live, l4d_cuda_live_refresh(live.get(), nullptr));
+  check(l4d_cuda_live_refresh(live.get(), nullptr));
   LiveViews views(cameras, times);
   views.forward(live);
 
@@ -135,8 +133,7 @@ void compare(const io::Scene& scene, size_t capacity, uint32_t sh_stride, const 
   const DeviceArray<uint8_t> shown(capacity, 0);
   const DeviceArray<uint32_t> seen(capacity, 0);
   const DeviceArray<float> coverage(capacity, 0), error_coverage(capacity, 0), screen(capacity, 0);
-  l4d_cuda_live_statistics statistics;
-  l4d_cuda_live_statistics_init(&statistics);
+  l4d_cuda_live_statistics statistics = L4D_INIT(l4d_cuda_live_statistics);
   statistics.shown = shown.get();
   statistics.views = seen.get();
   statistics.coverage = coverage.get();
@@ -194,6 +191,11 @@ TEST(LiveScene, LogitsAndMeanTimes) {
   compare(scene, 4100, 48, "logits and mean times");
 }
 
+TEST(LiveScene, FlatWindows) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  compare(bright(with_windows(synth(12000, 6))), 12500, 48, "windows");
+}
+
 // The screen gradient is the derivative by a shift of the whole image. Of one Gaussian: that of
 // moving it across the view.
 TEST(LiveScene, ScreenGradientIsTheShiftOfTheImage) {
@@ -209,13 +211,12 @@ TEST(LiveScene, ScreenGradientIsTheShiftOfTheImage) {
   const LiveArrays arrays(scene, 1, 4, 0), sums(io::Scene{}, 1, 4, 0);
   const LiveHandle live = make_live();
   const l4d_gaussians g = arrays.view(scene);
-  check(live, l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
+  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
   reserve(live, camera, 1, 1000, 1);
   const DeviceArray<float> screen(1, 0.0f);
-  l4d_cuda_live_statistics statistics;
-  l4d_cuda_live_statistics_init(&statistics);
+  l4d_cuda_live_statistics statistics = L4D_INIT(l4d_cuda_live_statistics);
   statistics.screen_gradient = screen.get();
-  check(live, l4d_cuda_live_refresh(live.get(), nullptr));
+  check(l4d_cuda_live_refresh(live.get(), nullptr));
   views.forward(live);
   views.backward(live, sums.gradients(), &statistics);
   // dx/dX = fx / z of the position, where the covariance's change is next to nothing.
@@ -235,14 +236,13 @@ TEST(LiveScene, FollowsItsArrays) {
   const DeviceArray<uint32_t> count(1, 3000u);
   const LiveHandle live = make_live();
   const l4d_gaussians g = arrays.view(scene);
-  l4d_cuda_live_rows rows;
-  l4d_cuda_live_rows_init(&rows);
+  l4d_cuda_live_rows rows = L4D_INIT(l4d_cuda_live_rows);
   rows.count = count.get();
-  check(live, l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, &rows));
+  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, &rows));
   const LiveViews views({camera}, {1.0});
   EXPECT_EQ(l4d_cuda_live_forward(live.get(), views.views.data(), 1, nullptr),
             L4D_ERR_INVALID_STATE);
-  check(live, l4d_cuda_live_refresh(live.get(), nullptr));
+  check(l4d_cuda_live_refresh(live.get(), nullptr));
   EXPECT_EQ(l4d_cuda_live_forward(live.get(), views.views.data(), 1, nullptr),
             L4D_ERR_INVALID_STATE);
   reserve(live, camera, 3000, 1 << 18, 1);
@@ -258,21 +258,21 @@ TEST(LiveScene, FollowsItsArrays) {
   arrays.rotor.write(other.rotor);
   arrays.opacity.write(other.opacity);
   arrays.sh.write(spread(other.sh, 48, 48, 3000, 0));
-  check(live, l4d_cuda_live_refresh(live.get(), nullptr));
+  check(l4d_cuda_live_refresh(live.get(), nullptr));
   EXPECT_LE(difference_of(picture(), second.render(camera, 1), 1.0 / 255).beyond, 2u);
   // Fewer rows; and as many as the capacity has where the count is beyond it.
   count.write({1000u});
-  check(live, l4d_cuda_live_refresh(live.get(), nullptr));
+  check(l4d_cuda_live_refresh(live.get(), nullptr));
   io::Scene part = other;
   part.resize(1000);
   Reference third(part);
   EXPECT_LE(difference_of(picture(), third.render(camera, 1), 1.0 / 255).beyond, 2u);
   EXPECT_EQ(report_of(live).rows, 1000u);
   count.write({99999u});
-  check(live, l4d_cuda_live_refresh(live.get(), nullptr));
+  check(l4d_cuda_live_refresh(live.get(), nullptr));
   EXPECT_LE(difference_of(picture(), second.render(camera, 1), 1.0 / 255).beyond, 2u);
   // SH of a lower degree, in place.
-  check(live, l4d_cuda_live_set_sh_degree(live.get(), 1));
+  check(l4d_cuda_live_set_sh_degree(live.get(), 1));
   Reference fourth(with_degree(other, 1));
   EXPECT_LE(difference_of(picture(), fourth.render(camera, 1), 1.0 / 255).beyond, 2u);
   EXPECT_EQ(l4d_cuda_live_set_sh_degree(live.get(), 4), L4D_ERR_INVALID_ARGUMENT);
@@ -289,7 +289,7 @@ TEST(LiveScene, RepeatsBitForBitAndAgreesWithTheDeviceRenderer) {
   const LiveArrays arrays(scene, scene.count(), 48, 0);
   const LiveHandle live = make_live();
   const l4d_gaussians g = arrays.view(scene);
-  check(live, l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
+  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
   reserve(live, cameras[0], scene.count(), 1 << 20, 6);
   LiveViews together(cameras, times);
   const size_t pixels = size_t{320} * 240;
@@ -301,7 +301,7 @@ TEST(LiveScene, RepeatsBitForBitAndAgreesWithTheDeviceRenderer) {
   std::vector<std::vector<std::vector<float>>> rounds;
   for (int round = 0; round < 3; ++round) {
     const LiveArrays sums(io::Scene{}, scene.count(), 48, 0);
-    check(live, l4d_cuda_live_refresh(live.get(), nullptr));
+    check(l4d_cuda_live_refresh(live.get(), nullptr));
     if (round < 2) {
       together.forward(live);
       together.backward(live, sums.gradients(), nullptr);
@@ -328,8 +328,7 @@ TEST(LiveScene, RepeatsBitForBitAndAgreesWithTheDeviceRenderer) {
   const size_t n = scene.count(), widths[6] = {3, 1, 4, 8, 1, 48};
   std::vector<std::vector<float>> old;
   for (const size_t width : widths) old.emplace_back(n * width, 0.0f);
-  l4d_gradients out;
-  l4d_gradients_init(&out);
+  l4d_gradients out = L4D_INIT(l4d_gradients);
   out.count = n;
   out.position = old[0].data();
   out.mean_t = old[1].data();
@@ -353,30 +352,27 @@ TEST(LiveScene, CountsViewsWithoutRoom) {
   L4D_SKIP_WITHOUT_DEVICE();
   const io::Scene scene = synth(9000, 8);
   const l4d_camera camera = ring_camera(200, 150, 2.0),
-                   away = look_at(200, 150, 180, std::vector<double>{40, 0, 0}.data(),
+                   away = call_on(200, 150, 180, std::vector<double>{40, 0, 0}.data(),
                                   std::vector<double>{80, 0, 0}.data());
   const LiveArrays arrays(scene, 9000, 48, 0), sums(io::Scene{}, 9000, 48, 0);
   const LiveHandle live = make_live();
   const l4d_gaussians g = arrays.view(scene);
   const DeviceArray<uint32_t> overflow(1, 0);
-  l4d_cuda_live_rows rows;
-  l4d_cuda_live_rows_init(&rows);
+  l4d_cuda_live_rows rows = L4D_INIT(l4d_cuda_live_rows);
   rows.overflow = overflow.get();
-  check(live, l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, &rows));
+  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, &rows));
   reserve(live, camera, 9000, 5000, 2);
   LiveViews views({camera, away}, {1.0, 1.0});
   views.upstream[0]->write(random_numbers(3 * 200 * 150, 1, 0, 1));
   const DeviceArray<uint8_t> shown(9000, 0);
-  l4d_cuda_live_statistics statistics;
-  l4d_cuda_live_statistics_init(&statistics);
+  l4d_cuda_live_statistics statistics = L4D_INIT(l4d_cuda_live_statistics);
   statistics.shown = shown.get();
   const auto step = [&] {
-    check(live, l4d_cuda_live_refresh(live.get(), nullptr));
+    check(l4d_cuda_live_refresh(live.get(), nullptr));
     views.forward(live);
     views.backward(live, sums.gradients(), &statistics);
   };
-  l4d_cuda_live_report report;
-  l4d_cuda_live_report_init(&report);
+  l4d_cuda_live_report report = L4D_INIT(l4d_cuda_live_report);
   EXPECT_EQ(l4d_cuda_live_get_report(live.get(), 0, &report), L4D_ERR_INVALID_STATE);
   step();
   report = report_of(live);
@@ -398,7 +394,7 @@ TEST(LiveScene, CountsViewsWithoutRoom) {
   EXPECT_EQ(overflow.read()[0], 0u);
   const std::vector<float> by_position = sums.read(9000, 48)[0];
   EXPECT_GT(*std::max_element(by_position.begin(), by_position.end()), 0);
-  check(live, l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
+  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
   EXPECT_EQ(report_of(live).skipped, 0u);
 }
 
@@ -410,7 +406,7 @@ TEST(LiveScene, StepsAreCapturedIntoGraphs) {
   const LiveArrays arrays(scene, 5000, 48, 0), sums(io::Scene{}, 5000, 48, 0);
   const LiveHandle live = make_live();
   const l4d_gaussians g = arrays.view(scene);
-  check(live, l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
+  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
   reserve(live, cameras[0], 5000, 1 << 18, 2);
   LiveViews views(cameras, {0.7, 0.7});
   for (size_t v = 0; v < 2; ++v) {
@@ -421,7 +417,7 @@ TEST(LiveScene, StepsAreCapturedIntoGraphs) {
   cudaGraph_t graph = nullptr;
   cudaGraphExec_t replay = nullptr;
   ASSERT_EQ(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal), cudaSuccess);
-  check(live, l4d_cuda_live_refresh(live.get(), stream));
+  check(l4d_cuda_live_refresh(live.get(), stream));
   views.forward(live, stream);
   views.backward(live, sums.gradients(), nullptr, stream);
   ASSERT_EQ(cudaStreamEndCapture(stream, &graph), cudaSuccess);
@@ -430,7 +426,7 @@ TEST(LiveScene, StepsAreCapturedIntoGraphs) {
   ASSERT_EQ(cudaStreamSynchronize(stream), cudaSuccess);
   const auto once = sums.read(5000, 48);
   const LiveArrays again(io::Scene{}, 5000, 48, 0);
-  check(live, l4d_cuda_live_refresh(live.get(), stream));
+  check(l4d_cuda_live_refresh(live.get(), stream));
   views.forward(live, stream);
   views.backward(live, again.gradients(), nullptr, stream);
   ASSERT_EQ(cudaStreamSynchronize(stream), cudaSuccess);
@@ -443,8 +439,7 @@ TEST(LiveScene, StepsAreCapturedIntoGraphs) {
 
 TEST(LiveScene, RefusesWhatItCannotDo) {
   l4d_cuda_live* none = nullptr;
-  l4d_cuda_renderer_options half;
-  l4d_cuda_renderer_options_init(&half);
+  l4d_cuda_renderer_options half = L4D_INIT(l4d_cuda_renderer_options);
   half.sh_format = L4D_CUDA_SH_FLOAT16;
   EXPECT_EQ(l4d_cuda_live_create(&half, &none), L4D_ERR_INVALID_ARGUMENT);
   EXPECT_EQ(l4d_cuda_live_create(nullptr, nullptr), L4D_ERR_INVALID_ARGUMENT);
@@ -454,8 +449,7 @@ TEST(LiveScene, RefusesWhatItCannotDo) {
   const LiveHandle live = make_live();
   EXPECT_EQ(l4d_cuda_live_refresh(live.get(), nullptr), L4D_ERR_INVALID_STATE);
   l4d_gaussians g = arrays.view(scene);
-  l4d_cuda_live_rows rows;
-  l4d_cuda_live_rows_init(&rows);
+  l4d_cuda_live_rows rows = L4D_INIT(l4d_cuda_live_rows);
   for (const uint32_t stride : {44u, 50u, 1028u}) {
     rows.sh_stride = stride;
     EXPECT_EQ(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, &rows),
@@ -468,10 +462,10 @@ TEST(LiveScene, RefusesWhatItCannotDo) {
   EXPECT_EQ(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr),
             L4D_ERR_INVALID_ARGUMENT);
   g = arrays.view(scene);
-  check(live, l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
+  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
   const l4d_camera camera = ring_camera(64, 48, 1), larger = ring_camera(65, 48, 1);
   reserve(live, camera, 100, 1000, 1);
-  check(live, l4d_cuda_live_refresh(live.get(), nullptr));
+  check(l4d_cuda_live_refresh(live.get(), nullptr));
   LiveViews views({camera}, {1.0}), two({camera, camera}, {1.0, 1.0}), large({larger}, {1.0});
   EXPECT_EQ(l4d_cuda_live_forward(live.get(), two.views.data(), 2, nullptr), L4D_ERR_INVALID_STATE);
   EXPECT_EQ(l4d_cuda_live_forward(live.get(), large.views.data(), 1, nullptr),

@@ -4,7 +4,8 @@
 
 #include <memory>
 
-#include "l4d/cuda_render.h"
+#include "l4d/experimental/cuda_packed.h"
+#include "l4d/experimental/cuda_render.h"
 #include "tests/common/codec.h"
 #include "tests/gpu/decode_support.h"
 #include "tests/gpu/render_support.h"
@@ -27,6 +28,7 @@ Bytes encode_indexed(const io::Scene& scene, size_t stages, size_t escape_each) 
   source.rotor = scene.rotor;
   source.opacity = scene.opacity;
   source.sh = scene.sh;
+  source.window = scene.window;
   test::EncodeOptions o;
   o.preset = "indexed";
   o.rans = true;
@@ -37,8 +39,8 @@ Bytes encode_indexed(const io::Scene& scene, size_t stages, size_t escape_each) 
                 {L4D_ENC_MERGE_COUNT, 40},
                 {L4D_ENC_MAX_BASE_COLOR_ERROR, 1e6},  // so that weights alone make escapes
                 {L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR, 1e6}};
-  const std::vector<float> fractions = {1.0f, 0.6f, 0.4f, 0.2f};
-  o.stages = {{L4D_COMPONENT_SH,
+  const std::vector<double> fractions = {1, 0.6, 0.4, 0.2};
+  o.stages = {{L4D_ENC_STAGES ".sh",
                {fractions.begin(), fractions.begin() + static_cast<std::ptrdiff_t>(stages)}}};
   std::vector<float> weights(scene.count(), 1.0f);
   for (size_t i = 0; escape_each > 0 && i < weights.size(); i += escape_each) weights[i] = 40.0f;
@@ -56,8 +58,7 @@ class DecodedScene {
     decoder_.open_memory(file_.data(), file_.size());
     device_ = std::make_unique<test::DeviceDecoding>(decoder_);
     l4d_cuda_decoder* d = device_->get();
-    l4d_cuda_request request;
-    l4d_cuda_request_init(&request);
+    l4d_cuda_request request = L4D_INIT(l4d_cuda_request);
     request.forms = L4D_CUDA_FORM_EXPANDED | L4D_CUDA_FORM_PACKED;
     const l4d_query query = test::all_query();
     check(l4d_cuda_decoder_prepare(d, &query, &request));
@@ -65,8 +66,7 @@ class DecodedScene {
     const l4d_info info = decoder_.info();
     terms_ = (info.sh_degree + 1) * (info.sh_degree + 1);
     for (uint32_t s = 0; s < L4D_MAX_STAGES; ++s) {
-      l4d_codebook codebook;
-      l4d_codebook_init(&codebook);
+      l4d_codebook codebook = L4D_INIT(l4d_codebook);
       check(l4d_cuda_decoder_get_codebook(d, 0, L4D_COMPONENT_SH, s, L4D_NO_BLOCK, &codebook));
       if (codebook.entries != nullptr) codebooks.push_back(codebook);
     }
@@ -75,8 +75,7 @@ class DecodedScene {
       arrays_.push_back(std::make_unique<PoisonedMemory>(std::max<size_t>(bytes, 1)));
       return arrays_.back().get();
     };
-    l4d_cuda_gaussian_buffers expanded;
-    l4d_cuda_gaussian_buffers_init(&expanded);
+    l4d_cuda_gaussian_buffers expanded = L4D_INIT(l4d_cuda_gaussian_buffers);
     expanded.capacity = n_;
     expanded.position = array(12 * n_)->floats();
     expanded.mean_t = array(4 * n_)->floats();
@@ -84,11 +83,11 @@ class DecodedScene {
     expanded.rotor = array(32 * n_)->floats();
     expanded.opacity = array(4 * n_)->floats();
     expanded.sh = array(12 * terms_ * n_)->floats();
+    if ((info.tools & L4D_TOOL_FLAT_WINDOWS) != 0) expanded.window = array(8 * n_)->words();
     check(
         l4d_cuda_decoder_decode(d, &expanded, workspace.data(), request.workspace_bytes, nullptr));
     check(l4d_cuda_decoder_finish(d));
-    l4d_cuda_packed_buffers packed;
-    l4d_cuda_packed_buffers_init(&packed);
+    l4d_cuda_packed_buffers packed = L4D_INIT(l4d_cuda_packed_buffers);
     packed.capacity = n_ + 5;
     l4d_cuda_packed_component& sh = packed.component[L4D_COMPONENT_SH];
     sh.depth = static_cast<uint8_t*>(array(n_)->data());
@@ -102,7 +101,7 @@ class DecodedScene {
     for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       check(l4d_cuda_decoder_get_num_escapes(d, c, &escapes[c]));
     }
-    l4d_gaussians_init(&gaussians);
+    gaussians = L4D_INIT(l4d_gaussians);
     gaussians.count = n_;
     gaussians.sh_degree = info.sh_degree;
     gaussians.flags = info.flags;
@@ -112,8 +111,9 @@ class DecodedScene {
     gaussians.rotor = expanded.rotor;
     gaussians.opacity = expanded.opacity;
     gaussians.sh = expanded.sh;
+    gaussians.window = expanded.window;
     timeline = info.timeline;
-    l4d_cuda_sh_indices_init(&indices);
+    indices = L4D_INIT(l4d_cuda_sh_indices);
     indices.depth = sh.depth;
     indices.index = sh.index;
     indices.stride = packed.capacity;
@@ -134,9 +134,7 @@ class DecodedScene {
   std::vector<l4d_codebook> codebooks;
 
  private:
-  void check(l4d_status status) const {
-    ASSERT_EQ(status, L4D_OK) << l4d_cuda_decoder_error_message(device_->get());
-  }
+  void check(l4d_status status) const { ASSERT_EQ(status, L4D_OK) << l4d_last_error_message(); }
 
   Bytes file_;
   DecoderHandle decoder_;
@@ -148,8 +146,7 @@ class DecodedScene {
 class Renderer {
  public:
   explicit Renderer(uint32_t sh_format = L4D_CUDA_SH_FLOAT32) {
-    l4d_cuda_renderer_options options;
-    l4d_cuda_renderer_options_init(&options);
+    l4d_cuda_renderer_options options = L4D_INIT(l4d_cuda_renderer_options);
     options.sh_format = sh_format;
     EXPECT_EQ(l4d_cuda_renderer_create(&options, &r_), L4D_OK);
   }
@@ -157,12 +154,9 @@ class Renderer {
   Renderer(const Renderer&) = delete;
   Renderer& operator=(const Renderer&) = delete;
   l4d_cuda_renderer* get() const { return r_; }
-  void check(l4d_status status) const {
-    EXPECT_EQ(status, L4D_OK) << l4d_cuda_renderer_error_message(r_);
-  }
+  void check(l4d_status status) const { EXPECT_EQ(status, L4D_OK) << l4d_last_error_message(); }
   void reserve(const l4d_camera& camera, uint64_t visible) const {
-    l4d_cuda_frame_capacity capacity;
-    l4d_cuda_frame_capacity_init(&capacity);
+    l4d_cuda_frame_capacity capacity = L4D_INIT(l4d_cuda_frame_capacity);
     capacity.width = camera.width;
     capacity.height = camera.height;
     capacity.visible = visible;
@@ -171,12 +165,10 @@ class Renderer {
   }
   std::vector<float> render(const l4d_camera& camera, double time) const {
     const PoisonedMemory rgb(size_t{12} * camera.width * camera.height);
-    l4d_cuda_image image;
-    l4d_cuda_image_init(&image);
+    l4d_cuda_image image = L4D_INIT(l4d_cuda_image);
     image.rgb = rgb.floats();
     check(l4d_cuda_renderer_render(r_, time, &camera, &image, nullptr));
-    l4d_cuda_frame_stats stats;
-    l4d_cuda_frame_stats_init(&stats);
+    l4d_cuda_frame_stats stats = L4D_INIT(l4d_cuda_frame_stats);
     check(l4d_cuda_renderer_get_stats(r_, nullptr, &stats));
     EXPECT_GT(stats.projected, 50u);
     return rgb.read();
@@ -224,6 +216,26 @@ TEST(IndexedRender, ImagesAreThoseOfExpandedSh) {
         }
       }
     }
+  }
+}
+
+TEST(IndexedRender, FlatWindows) {
+  L4D_SKIP_WITHOUT_DEVICE();
+  const DecodedScene scene(encode_indexed(with_windows(synth(8000, 3)), 2, 9));
+  ASSERT_NE(scene.gaussians.window, nullptr);
+  const Renderer expanded, indexed;
+  expanded.check(
+      l4d_cuda_renderer_set_gaussians(expanded.get(), &scene.gaussians, nullptr, &scene.timeline));
+  set_whole(indexed, scene);
+  const l4d_camera camera = ring_camera(160, 110, 1.3);
+  expanded.reserve(camera, scene.count());
+  indexed.reserve(camera, scene.count());
+  std::vector<float> before;
+  for (const double frame : {36.0, 36.5, 37.0}) {
+    const std::vector<float> image = indexed.render(camera, frame / 30);
+    EXPECT_TRUE(equal_bits(image, expanded.render(camera, frame / 30))) << frame;
+    EXPECT_FALSE(equal_bits(image, before)) << frame;
+    before = image;
   }
 }
 

@@ -4,7 +4,7 @@
 
 #include <memory>
 
-#include "l4d/cuda_render.h"
+#include "l4d/experimental/cuda_render.h"
 #include "tests/gpu/render_support.h"
 
 namespace l4d::render {
@@ -44,7 +44,8 @@ struct DeviceScene {
         log_scale(s.log_scale),
         rotor(s.rotor),
         opacity(s.opacity),
-        sh(s.sh) {}
+        sh(s.sh),
+        window(s.window.empty() ? std::vector<uint32_t>(2) : s.window) {}
   l4d_gaussians view() const {
     l4d_gaussians g = scene.view();
     g.position = position.floats();
@@ -53,10 +54,11 @@ struct DeviceScene {
     g.rotor = rotor.floats();
     g.opacity = opacity.floats();
     g.sh = sh.floats();
+    g.window = scene.window.empty() ? nullptr : window.words();
     return g;
   }
   const io::Scene& scene;
-  DeviceCopy position, mean_t, log_scale, rotor, opacity, sh;
+  DeviceCopy position, mean_t, log_scale, rotor, opacity, sh, window;
 };
 
 struct Destroy {
@@ -65,22 +67,18 @@ struct Destroy {
 using Handle = std::unique_ptr<l4d_cuda_renderer, Destroy>;
 
 Handle make(uint32_t sh_format) {
-  l4d_cuda_renderer_options options;
-  l4d_cuda_renderer_options_init(&options);
+  l4d_cuda_renderer_options options = L4D_INIT(l4d_cuda_renderer_options);
   options.sh_format = sh_format;
   l4d_cuda_renderer* out = nullptr;
   EXPECT_EQ(l4d_cuda_renderer_create(&options, &out), L4D_OK);
   return Handle(out);
 }
 
-void check(const Handle& r, l4d_status status) {
-  EXPECT_EQ(status, L4D_OK) << l4d_cuda_renderer_error_message(r.get());
-}
+void check(l4d_status status) { EXPECT_EQ(status, L4D_OK) << l4d_last_error_message(); }
 
 l4d_cuda_frame_capacity capacity_of(const l4d_camera& camera, uint64_t visible,
                                     uint64_t instances) {
-  l4d_cuda_frame_capacity capacity;
-  l4d_cuda_frame_capacity_init(&capacity);
+  l4d_cuda_frame_capacity capacity = L4D_INIT(l4d_cuda_frame_capacity);
   capacity.width = camera.width;
   capacity.height = camera.height;
   capacity.visible = visible;
@@ -93,15 +91,13 @@ std::vector<float> render(const Handle& r, const l4d_camera& camera, double time
   const size_t pixels = size_t{camera.width} * camera.height;
   const DeviceCopy rgb(std::vector<float>(3 * pixels, -7)), alpha(std::vector<float>(pixels, -7));
   const DeviceCopy rgba8(std::vector<uint32_t>(pixels, 0x55555555u));
-  l4d_cuda_image image;
-  l4d_cuda_image_init(&image);
+  l4d_cuda_image image = L4D_INIT(l4d_cuda_image);
   image.rgb = rgb.floats();
   image.alpha = alpha.floats();
   image.rgba8 = rgba8.words();
-  check(r, l4d_cuda_renderer_render(r.get(), time, &camera, &image, nullptr));
-  l4d_cuda_frame_stats stats;
-  l4d_cuda_frame_stats_init(&stats);
-  check(r, l4d_cuda_renderer_get_stats(r.get(), nullptr, &stats));
+  check(l4d_cuda_renderer_render(r.get(), time, &camera, &image, nullptr));
+  l4d_cuda_frame_stats stats = L4D_INIT(l4d_cuda_frame_stats);
+  check(l4d_cuda_renderer_get_stats(r.get(), nullptr, &stats));
   if (bytes != nullptr) *bytes = rgba8.read<uint32_t>();
   return rgb.read<float>();
 }
@@ -109,7 +105,9 @@ std::vector<float> render(const Handle& r, const l4d_camera& camera, double time
 TEST(ResidentRender, WholeScenesInBothFormats) {
   L4D_SKIP_WITHOUT_DEVICE();
   for (uint32_t degree = 0; degree <= 3; ++degree) {
-    const io::Scene scene = with_degree(synth(20000, 3), degree);
+    // Of an odd degree: with windows.
+    const io::Scene plain = with_degree(synth(20000, 3), degree);
+    const io::Scene scene = degree % 2 == 1 ? with_windows(plain) : plain;
     const DeviceScene device(scene);
     RendererHandle expected = make_renderer(L4D_BACKEND_CPU);
     expected.set_gaussians(scene.view(), scene.timeline);
@@ -119,9 +117,9 @@ TEST(ResidentRender, WholeScenesInBothFormats) {
     for (const uint32_t format : {L4D_CUDA_SH_FLOAT32, L4D_CUDA_SH_FLOAT16}) {
       const Handle r = make(format);
       const l4d_gaussians g = device.view();
-      check(r, l4d_cuda_renderer_set_gaussians(r.get(), &g, nullptr, &scene.timeline));
+      check(l4d_cuda_renderer_set_gaussians(r.get(), &g, nullptr, &scene.timeline));
       const l4d_cuda_frame_capacity capacity = capacity_of(camera, scene.count(), 1 << 20);
-      check(r, l4d_cuda_renderer_reserve(r.get(), &capacity));
+      check(l4d_cuda_renderer_reserve(r.get(), &capacity));
       std::vector<uint32_t> bytes;
       const std::vector<float> image = render(r, camera, 1.2, &bytes);
       const ImageDifference d = difference_of(image, e, 1.0 / 255);
@@ -145,8 +143,7 @@ TEST(ResidentRender, ReportsMissingCapacity) {
   const l4d_camera camera = ring_camera(200, 150, 2.0), larger = ring_camera(201, 150, 2.0);
   const l4d_gaussians g = device.view();
   const DeviceCopy rgb(std::vector<float>(3 * 200 * 150, 0));
-  l4d_cuda_image image;
-  l4d_cuda_image_init(&image);
+  l4d_cuda_image image = L4D_INIT(l4d_cuda_image);
   image.rgb = rgb.floats();
   uint64_t wanted[2] = {};
   for (const auto& [visible, instances] :
@@ -154,14 +151,13 @@ TEST(ResidentRender, ReportsMissingCapacity) {
     const Handle r = make(L4D_CUDA_SH_FLOAT32);
     EXPECT_EQ(l4d_cuda_renderer_render(r.get(), 1, &camera, &image, nullptr),
               L4D_ERR_INVALID_STATE);
-    check(r, l4d_cuda_renderer_set_gaussians(r.get(), &g, nullptr, &scene.timeline));
+    check(l4d_cuda_renderer_set_gaussians(r.get(), &g, nullptr, &scene.timeline));
     const l4d_cuda_frame_capacity capacity = capacity_of(camera, visible, instances);
-    check(r, l4d_cuda_renderer_reserve(r.get(), &capacity));
+    check(l4d_cuda_renderer_reserve(r.get(), &capacity));
     EXPECT_EQ(l4d_cuda_renderer_render(r.get(), 1, &larger, &image, nullptr),
               L4D_ERR_INVALID_STATE);
-    check(r, l4d_cuda_renderer_render(r.get(), 1, &camera, &image, nullptr));
-    l4d_cuda_frame_stats stats;
-    l4d_cuda_frame_stats_init(&stats);
+    check(l4d_cuda_renderer_render(r.get(), 1, &camera, &image, nullptr));
+    l4d_cuda_frame_stats stats = L4D_INIT(l4d_cuda_frame_stats);
     const l4d_status status = l4d_cuda_renderer_get_stats(r.get(), nullptr, &stats);
     if (instances == 5000) {
       EXPECT_EQ(status, L4D_ERR_LIMIT_EXCEEDED);

@@ -21,10 +21,21 @@ using test::has_device;
   if (!has_device()) GTEST_SKIP() << "there is no CUDA device that this build has code for"
 
 inline RendererHandle make_device() {
-  l4d_renderer_options options;
-  l4d_renderer_options_init(&options);
+  l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
   options.backend = L4D_BACKEND_CUDA;
   return RendererHandle(&options);
+}
+
+// Two of three Gaussians with a flat window, of 1 to 5 frames.
+inline io::Scene with_windows(io::Scene scene) {
+  const uint32_t frames = scene.timeline.num_frames;
+  for (uint32_t i = 0; i < scene.count(); ++i) {
+    const uint32_t begin = i * 7 % frames;
+    const bool flat = i % 3 != 0;
+    scene.window.push_back(flat ? begin : 0);
+    scene.window.push_back(flat ? std::min(begin + 1 + i % 5, frames) : 0);
+  }
+  return scene;
 }
 
 // Pixels of two images that are further apart than `step` in some channel, and the largest

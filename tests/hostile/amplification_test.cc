@@ -10,6 +10,7 @@
 #ifdef L4D_TEST_RENDERER
 #include "l4d/render.hpp"
 #endif
+#include "l4d/experimental/copy.h"
 #include "l4d/members.h"
 #include "tests/common/codec.h"
 #include "tests/common/flat.h"
@@ -43,14 +44,12 @@ Cost cost_of(const Bytes& file, uint64_t memory, Use use, uint64_t max_gaussians
   cost.status = l4d_decoder_open_memory(d.get(), file.data(), file.size());
   if (cost.status == L4D_OK && use != Use::kOpen) {
     l4d_query all = all_query();
-    l4d_selection selection;
-    l4d_selection_init(&selection);
+    l4d_selection selection = L4D_INIT(l4d_selection);
     cost.status = l4d_decoder_select(d.get(), &all, &selection);
     if (cost.status == L4D_OK) cost.gaussians = selection.num_gaussians;
   }
   if (cost.status == L4D_OK && use == Use::kSlice) {
-    l4d_splat_buffers splats;
-    l4d_splat_buffers_init(&splats);
+    l4d_splat_buffers splats = L4D_INIT(l4d_splat_buffers);
     cost.status = l4d_decoder_slice(d.get(), 1e-3, &splats);
   }
   cost.held = meter.peak();
@@ -161,8 +160,7 @@ TEST(Amplification, HugeSplats) {
   // Looks at the Gaussians, which all lie in one place, from so near that they fill the image.
   const double size = std::sqrt(static_cast<double>(
       std::min({splats.covariance[0], splats.covariance[3], splats.covariance[5]})));
-  l4d_camera camera;
-  l4d_camera_init(&camera);
+  l4d_camera camera = L4D_INIT(l4d_camera);
   camera.width = 640;
   camera.height = 360;
   camera.fx = camera.fy = 2000;
@@ -176,8 +174,7 @@ TEST(Amplification, HugeSplats) {
   camera.world_to_camera[11] += size;
   std::vector<float> whole(size_t{3} * camera.width * camera.height), batches(whole.size());
   const auto held = [&](uint64_t memory, std::vector<float>& rgb) {
-    l4d_renderer_options options;
-    l4d_renderer_options_init(&options);
+    l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
     options.max_memory_bytes = memory;
     RendererHandle renderer(&options);
     const AllocationMeter meter;
@@ -231,8 +228,7 @@ Effort effort_of_validation(const Bytes& file) {
     const Bytes* file;
     Effort effort;
   } input{&file, {}};
-  l4d_reader reader;
-  l4d_reader_init(&reader);
+  l4d_reader reader = L4D_INIT(l4d_reader);
   reader.user = &input;
   reader.read_at = [](void* user, void* to, size_t n, uint64_t offset) -> int64_t {
     Input& in = *static_cast<Input*>(user);
@@ -295,12 +291,9 @@ TEST(Amplification, PageTablesBeyondTheFile) {
   DecoderHandle d(&options);
   d.open_memory(file.data(), file.size());
   l4d_query all = all_query();
-  l4d_selection selection;
-  l4d_selection_init(&selection);
-  ASSERT_EQ(l4d_decoder_select(d.get(), &all, &selection), L4D_OK)
-      << l4d_decoder_error_message(d.get());
-  l4d_counters counters;
-  l4d_counters_init(&counters);
+  l4d_selection selection = L4D_INIT(l4d_selection);
+  ASSERT_EQ(l4d_decoder_select(d.get(), &all, &selection), L4D_OK) << l4d_last_error_message();
+  l4d_counters counters = L4D_INIT(l4d_counters);
   ASSERT_EQ(l4d_decoder_get_counters(d.get(), &counters), L4D_OK);
   // What the file holds of each table, once together and once by entries.
   EXPECT_LE(counters.reads, 2 * 40 * file.size() / PageTableEntry::kBytes);
@@ -478,16 +471,14 @@ TEST(Amplification, SharedMetadata) {
 // `count` standing members, copies of one stream, and an index if asked for.
 Bytes many_members(const Bytes& stream, uint32_t count, bool with_index) {
   Bytes file;
-  l4d_writer writer;
-  l4d_writer_init(&writer);
+  l4d_writer writer = L4D_INIT(l4d_writer);
   writer.user = &file;
   writer.write = [](void* user, const void* src, size_t n) {
     const auto* bytes = static_cast<const unsigned char*>(src);
     append(*static_cast<Bytes*>(user), Bytes(bytes, bytes + n));
     return 0;
   };
-  l4d_member_parameters p;
-  l4d_member_parameters_init(&p);
+  l4d_member_parameters p = L4D_INIT(l4d_member_parameters);
   p.is_member = 1;
   p.role = L4D_MEMBER_STANDING;
   const l4d_reader reader = memory_reader(stream);
@@ -506,8 +497,7 @@ Bytes many_members(const Bytes& stream, uint32_t count, bool with_index) {
 
 uint64_t cost_of_list(const Bytes& file, uint64_t memory, l4d_status want) {
   const l4d_reader reader = memory_reader(file);
-  l4d_members_options options;
-  l4d_members_options_init(&options);
+  l4d_members_options options = L4D_INIT(l4d_members_options);
   options.max_memory_bytes = memory;
   const AllocationMeter meter;
   l4d_members* list = nullptr;

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What captures and scenes that come from anywhere can make the tools take: the table of bombs.
 
-captures.py L4DCODEC L4DTRAIN. Each row is a small input that claims to be large. The tool refuses it with
+captures.py L4DCODEC L4DTRAIN prints the table of docs/hostile-input.md. Each row is a small input that claims to be large. The tool refuses it with
 the status of the row, and its peak memory stays below what it takes without any input (measured with
 `version`), the limit, and SLACK.
 """
@@ -12,6 +12,23 @@ CODEC, TRAIN = (os.path.abspath(name) for name in sys.argv[1:3])
 MIB = 1 << 20
 SLACK = 24 * MIB  # threads, libraries and ffmpeg's pipes
 SIZE = (48, 32)
+# Name: what it is, and the file whose bytes count.
+BOMBS = {
+    "huge": ("a PNG of 16384 x 16384 pixels", "huge/cam01/0000.png"),
+    "deep": ("PNGs of 16384 x 4096 pixels, 16 bits each", "deep/cam01/0000.png"),
+    "texts": ("256 MiB in a compressed text and a colour profile of each PNG", "texts/cam01/0000.png"),
+    "tail": ("64 MiB behind the end of a PNG", "tail/cam01/0000.png"),
+    "mask": ("a mask of 16384 x 16384 pixels", "mask/mask.png"),
+    "many": ("120 images that are one file of 2000 x 1500 pixels", "many/frame.png"),
+    "cameras": ("60,000 cameras", "cameras/cameras.json"),
+    "views": ("5,000 cameras of 16,000 frames", "views/cameras.json"),
+    "brackets": ("2,000,000 brackets in a camera file", "brackets/cameras.json"),
+    "count.ply": ("a PLY of 2^40 rows, none of which is there", "count.ply"),
+    "bytes.ply": ("a PLY of signed bytes, which become floats", "bytes.ply"),
+    "shape": ("a tensor of 2^60 numbers in four bytes", "shape.safetensors"),
+    "nested": ("1,000,000 brackets in the header of tensors", "nested.safetensors"),
+    "video": ("a video of 8192 x 8192 pixels", "video/cam00.mov"),
+}
 
 
 def chunk(kind, data):
@@ -134,7 +151,7 @@ def rows():
     yield "tail", 50, 6, "camera 1: .* needs 67.1 MB", images("tail")
     yield "tail", 50, 6, "camera 1, frame 0: .* needs 67.1 MB", train("tail")
     yield "mask", 50, 4, "camera 0: its mask: .*" + size, train("mask")
-    yield "many", 100, 6, "the images of camera 0 needs", images("many", "long.ply")
+    yield "many", 100, 6, "a set of images of camera 0 needs", images("many", "long.ply")
     yield "many", 100, 6, "needs .*, and --limit-memory is", train("many", "--host-memory", "4G")
     yield "cameras", 50, 6, "cameras.json needs", images("cameras")
     yield "cameras", 50, 6, "cameras.json needs", train("cameras")
@@ -158,13 +175,15 @@ def main():
     make_inputs()
     base = {tool: peak([tool, "--help" if tool == TRAIN else "version"])[1] for tool in (CODEC, TRAIN)}
     failures = 0
-    print("| bomb | tool | limit, MiB | status | peak above start, MiB |")
+    print("| bomb | bytes | tool | limit, MiB | exit status | peak above start, MiB |\n|---|---|---|---|---|---|")
     for name, limit, status, pattern, command in rows():
         shutil.rmtree("run", ignore_errors=True)
         code, held, text = peak(command + ["--limit-memory", "%dMiB" % limit if command[0] == CODEC else
                                            str(limit * MIB)])
         above = held - base[command[0]]
-        print("| %s | %s | %d | %d | %.1f |" % (name, os.path.basename(command[0]), limit, code, above / MIB))
+        what, path = BOMBS[name]
+        print("| %s | %d | %s | %d | %d | %.1f |" % (what, os.path.getsize(path), os.path.basename(command[0]), limit, code,
+                                                    max(0, above) / MIB))
         wrong = []
         if code != status:
             wrong.append("status %d, not %d" % (code, status))

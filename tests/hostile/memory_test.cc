@@ -5,6 +5,7 @@
 
 #include <functional>
 
+#include "l4d/experimental/packed.h"
 #include "tests/common/codec.h"
 #include "tests/common/stream_editor.h"
 #include "tests/common/stream_writer.h"
@@ -70,8 +71,7 @@ TEST(Memory, ManyPages) {
   l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
   options.max_memory_bytes = kLimit;
   std::vector<float> opacity(kRecords);
-  l4d_gaussian_buffers b;
-  l4d_gaussian_buffers_init(&b);
+  l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
   b.capacity = kRecords;
   b.opacity = opacity.data();
   const l4d_query all = all_query();
@@ -111,8 +111,7 @@ TEST(Memory, GapsBetweenPages) {
   l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
   options.max_memory_bytes = kLimit;
   std::vector<float> opacity(kRecords);
-  l4d_gaussian_buffers b;
-  l4d_gaussian_buffers_init(&b);
+  l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
   b.capacity = kRecords;
   b.opacity = opacity.data();
   const l4d_query all = all_query();
@@ -157,8 +156,7 @@ TEST(Memory, PackedEscapes) {
   l4d_decoder_options options = decoder_options(L4D_BACKEND_AUTO, 1);
   options.max_memory_bytes = kLimit;
   std::vector<uint8_t> depth(kGaussians);
-  l4d_packed_buffers b;
-  l4d_packed_buffers_init(&b);
+  l4d_packed_buffers b = L4D_INIT(l4d_packed_buffers);
   b.capacity = kGaussians;
   b.component[L4D_COMPONENT_SH].depth = depth.data();
   const l4d_query all = all_query();
@@ -211,18 +209,17 @@ TEST(Memory, EmptyDirectoryPages) {
   const DecoderHandle d(&options);
   d.check(l4d_decoder_open_memory(d.get(), file.data(), file.size()));
   const l4d_query all = all_query();
-  l4d_selection selection;
-  l4d_selection_init(&selection);
+  l4d_selection selection = L4D_INIT(l4d_selection);
   const l4d_status status = l4d_decoder_select(d.get(), &all, &selection);
   EXPECT_TRUE(status == L4D_ERR_CORRUPT || status == L4D_ERR_LIMIT_EXCEEDED)
-      << l4d_decoder_error_message(d.get());
+      << l4d_last_error_message();
   EXPECT_LT(meter.peak(), kLimit + kUncharged);
   // A tolerant decoder reads them all.
   options.tolerant = 1;
   DecoderHandle tolerant(&options);
   tolerant.open_memory(file.data(), file.size());
   EXPECT_EQ(l4d_decoder_select(tolerant.get(), &all, &selection), L4D_OK)
-      << l4d_decoder_error_message(tolerant.get());
+      << l4d_last_error_message();
   EXPECT_LT(meter.peak(), kLimit + kUncharged);
 }
 

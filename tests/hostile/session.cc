@@ -5,6 +5,8 @@
 #include <cstdlib>
 #include <memory>
 
+#include "l4d/experimental/inspect.h"
+#include "l4d/experimental/packed.h"
 #include "libl4dcodec/base/hash.h"
 
 namespace l4d::test {
@@ -30,11 +32,10 @@ uint32_t detail_of(uint32_t choice) {
 }
 
 l4d_query query_of(const l4d_info& info, uint32_t choice) {
-  l4d_query query;
-  l4d_query_init(&query);
-  query.detail = detail_of(choice);
+  l4d_query query = L4D_INIT(l4d_query);
+  query.point.detail = detail_of(choice);
   query.kind = choice % 3;
-  query.max_level = choice / 3 % 4 == 3 ? choice % 5 : UINT32_MAX;
+  query.point.levels = choice / 3 % 4 == 3 ? choice % 5 + 1 : 0;
   const double unit = info.duration / 16;
   query.time_begin = info.timeline.time_begin + unit * (choice / 12 % 20) - 2 * unit;
   query.time_end = query.time_begin + unit * (choice / 240 % 8);
@@ -44,8 +45,7 @@ l4d_query query_of(const l4d_info& info, uint32_t choice) {
 }  // namespace
 
 l4d_decoder_options session_options() {
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   options.accept_needs = 1;
   options.threads = 1;
   options.max_memory_bytes = kSessionMemory;
@@ -62,8 +62,7 @@ Session::Session()
 
 l4d_status Session::decode(l4d_decoder* decoder, const l4d_query& query, bool some_arrays,
                            uint64_t* digest) {
-  l4d_gaussian_buffers b;
-  l4d_gaussian_buffers_init(&b);
+  l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
   const size_t n = kSessionGaussians;
   float* at = floats_.data();
   const auto next = [&](size_t dim) {
@@ -97,8 +96,7 @@ l4d_status Session::decode_all(const Bytes& file, uint64_t* digest) {
   const Handle decoder = make_decoder();
   const l4d_status opened = l4d_decoder_open_memory(decoder.get(), file.data(), file.size());
   if (opened != L4D_OK) return opened;
-  l4d_query all;
-  l4d_query_init(&all);
+  l4d_query all = L4D_INIT(l4d_query);
   return decode(decoder.get(), all, false, digest);
 }
 
@@ -120,8 +118,7 @@ l4d_status Session::decode_buckets(l4d_decoder* decoder, l4d_query query, uint32
 }
 
 l4d_status Session::step(l4d_decoder* decoder, Step step, uint32_t choice) {
-  l4d_info info;
-  l4d_info_init(&info);
+  l4d_info info = L4D_INIT(l4d_info);
   const l4d_status told = l4d_decoder_get_info(decoder, &info);
   if (told != L4D_OK) return told;
   if (info.num_gaussians > kSessionGaussians) std::abort();  // the limit was not honoured
@@ -129,8 +126,7 @@ l4d_status Session::step(l4d_decoder* decoder, Step step, uint32_t choice) {
   const size_t n = kSessionGaussians;
   switch (step) {
     case Step::kSelect: {
-      l4d_selection selection;
-      l4d_selection_init(&selection);
+      l4d_selection selection = L4D_INIT(l4d_selection);
       const l4d_status status = l4d_decoder_select(decoder, &query, &selection);
       if (status == L4D_OK && selection.num_gaussians > info.num_gaussians) std::abort();
       return status;
@@ -138,8 +134,7 @@ l4d_status Session::step(l4d_decoder* decoder, Step step, uint32_t choice) {
     case Step::kDecode:
       return decode(decoder, query, choice % 7 == 6, nullptr);
     case Step::kPacked: {
-      l4d_packed_buffers b;
-      l4d_packed_buffers_init(&b);
+      l4d_packed_buffers b = L4D_INIT(l4d_packed_buffers);
       b.capacity = n;
       uint16_t* at = halves_.data();
       const auto next = [&](size_t dim) {
@@ -160,14 +155,13 @@ l4d_status Session::step(l4d_decoder* decoder, Step step, uint32_t choice) {
       return l4d_decoder_decode_packed(decoder, &query, &b);
     }
     case Step::kSlice: {
-      l4d_splat_buffers b;
-      l4d_splat_buffers_init(&b);
+      l4d_splat_buffers b = L4D_INIT(l4d_splat_buffers);
       b.capacity = n;
       b.position = floats_.data();
       b.covariance = b.position + 3 * n;
       b.opacity = b.covariance + 6 * n;
       b.sh = b.opacity + n;
-      (void)l4d_decoder_set_detail(decoder, detail_of(choice));
+      b.point.detail = detail_of(choice);
       const l4d_status status = l4d_decoder_slice(decoder, query.time_begin, &b);
       if (status == L4D_OK && b.count > n) std::abort();
       return status;
@@ -176,15 +170,13 @@ l4d_status Session::step(l4d_decoder* decoder, Step step, uint32_t choice) {
       uint64_t sections[L4D_SECTION_COUNT];
       const l4d_status status =
           l4d_decoder_get_sections(decoder, sections, L4D_SECTION_COUNT, nullptr, nullptr, 0);
-      l4d_stream_demand demand;
-      l4d_stream_demand_init(&demand);
+      l4d_stream_demand demand = L4D_INIT(l4d_stream_demand);
       demand.bytes_per_second = choice;
       const l4d_status measured = l4d_decoder_get_stream_demand(decoder, &demand);
       return status != L4D_OK ? status : measured;
     }
     case Step::kCodebook: {
-      l4d_codebook codebook;
-      l4d_codebook_init(&codebook);
+      l4d_codebook codebook = L4D_INIT(l4d_codebook);
       const uint32_t block = choice % 3 == 0 ? 0 : L4D_NO_BLOCK;
       const l4d_status status = l4d_decoder_get_codebook(decoder, choice / 3 % 4, choice / 12 % 4,
                                                          choice / 48 % 3, block, &codebook);
@@ -196,12 +188,10 @@ l4d_status Session::step(l4d_decoder* decoder, Step step, uint32_t choice) {
       return status;
     }
     case Step::kInfo: {
-      l4d_layer_info layer;
-      l4d_layer_info_init(&layer);
+      l4d_layer_info layer = L4D_INIT(l4d_layer_info);
       const l4d_status status = l4d_decoder_get_layer_info(decoder, choice % 8, &layer);
       if (status != L4D_OK) return status;
-      l4d_dequantization d;
-      l4d_dequantization_init(&d);
+      l4d_dequantization d = L4D_INIT(l4d_dequantization);
       return l4d_decoder_get_dequantization(decoder, choice % 8, &d);
     }
     case Step::kBuckets:

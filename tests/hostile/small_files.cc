@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "l4d/experimental/parameters.h"
 #include "l4d/l4d.hpp"
 #include "libl4dcodec/base/ordered.h"
 #include "tests/common/sh_detail.h"
@@ -29,18 +30,16 @@ Bytes encode_small(const Recipe& recipe) {
   options.sh_degree = recipe.sh_degree;
   options.num_frames = 4;
   TestScene scene = make_scene(options);
-  l4d_encoder_options encoder_options;
-  l4d_encoder_options_init(&encoder_options);
+  l4d_encoder_options encoder_options = L4D_INIT(l4d_encoder_options);
   encoder_options.threads = 1;
   const EncoderHandle e(&encoder_options);
   e.check(l4d_encoder_set_preset(e.get(), recipe.preset));
   const bool lossless = std::string(recipe.preset) == "lossless";
   if (lossless) scene.flags = L4D_POSITION_AT_MEAN_TIME;
-  std::vector<std::pair<l4d_encoder_parameter, double>> settings = {
-      {L4D_ENC_MERGE_COUNT, 3},
-      {L4D_ENC_PAGE_SIZE, 64},
-      {L4D_ENC_ZSTD_LEVEL, 3},
-      {L4D_ENC_RANS, recipe.rans ? 1 : 0}};
+  std::vector<std::pair<const char*, double>> settings = {{L4D_ENC_MERGE_COUNT, 3},
+                                                          {L4D_ENC_PAGE_SIZE, 64},
+                                                          {L4D_ENC_ZSTD_LEVEL, 3},
+                                                          {L4D_ENC_RANS, recipe.rans ? 1 : 0}};
   if (std::string(recipe.preset) == "default") settings.push_back({L4D_ENC_CODING, 1});
   if (!lossless) {
     settings.insert(settings.end(), {{L4D_ENC_CODEBOOK_SIZE, 2},
@@ -61,20 +60,23 @@ Bytes encode_small(const Recipe& recipe) {
                                      {L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR, 0}});
   }
   for (const auto& [id, value] : settings) {
-    e.check(l4d_encoder_set(e.get(), id, L4D_ALL_COMPONENTS, value));
+    e.check(l4d_encoder_set(e.get(), id, value));
   }
   if (!lossless) {
-    const std::vector<float> fractions = {1.0f, 0.5f, 0.25f};
-    e.check(l4d_encoder_set_stages(e.get(), L4D_ALL_COMPONENTS, recipe.stages, fractions.data()));
+    const double fractions[] = {1, 0.5, 0.25};
+    e.check(l4d_encoder_set_list(e.get(), L4D_ENC_STAGES, fractions, recipe.stages));
   }
   const l4d_gaussians view = scene.view();
   e.check(l4d_encoder_set_scene(e.get(), &view, &scene.timeline, nullptr));
   std::vector<float> weights(scene.count());  // borrowed by the encoder
   if (recipe.escape_threshold > 0) {
     for (size_t i = 0; i < weights.size(); ++i) weights[i] = static_cast<float>(i % 4);
+    l4d_importance importance = L4D_INIT(l4d_importance);
+    importance.count = scene.count();
     for (uint32_t w = L4D_WEIGHT_SH; w <= L4D_WEIGHT_ROTOR_TEMPORAL; ++w) {
-      e.check(l4d_encoder_set_weights(e.get(), w, weights.data(), weights.size()));
+      importance.weights[w] = weights.data();
     }
+    e.check(l4d_encoder_set_importance(e.get(), &importance));
   }
   return e.encode();
 }

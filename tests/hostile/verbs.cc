@@ -12,6 +12,7 @@
 #include "tests/hostile/session.h"
 
 #ifdef L4D_TEST_RENDERER
+#include "l4d/experimental/copy.h"
 #include "l4d/render.hpp"
 #endif
 
@@ -26,8 +27,7 @@ struct DestroyMembers {
 using Members = std::unique_ptr<l4d_members, DestroyMembers>;
 
 l4d_status open_members(const l4d_reader& reader, bool ignore_index, Members* out) {
-  l4d_members_options options;
-  l4d_members_options_init(&options);
+  l4d_members_options options = L4D_INIT(l4d_members_options);
   options.max_memory_bytes = kSessionMemory;
   options.ignore_index = ignore_index ? 1 : 0;
   l4d_members* list = nullptr;
@@ -37,8 +37,7 @@ l4d_status open_members(const l4d_reader& reader, bool ignore_index, Members* ou
 }
 
 l4d_writer append_to(Bytes* out) {
-  l4d_writer writer;
-  l4d_writer_init(&writer);
+  l4d_writer writer = L4D_INIT(l4d_writer);
   writer.user = out;
   writer.write = [](void* user, const void* src, size_t n) {
     const auto* bytes = static_cast<const unsigned char*>(src);
@@ -54,8 +53,7 @@ bool write_index(Bytes* file) {
   const Bytes members = *file;
   Members list;
   if (open_members(memory_reader(members), true, &list) != L4D_OK) return false;
-  l4d_members_info info;
-  l4d_members_info_init(&info);
+  l4d_members_info info = L4D_INIT(l4d_members_info);
   (void)l4d_members_get_info(list.get(), &info);
   const l4d_writer writer = append_to(file);
   return info.bytes == members.size() &&
@@ -63,8 +61,7 @@ bool write_index(Bytes* file) {
 }
 
 l4d_member_parameters member_parameters(uint32_t number, double shift) {
-  l4d_member_parameters p;
-  l4d_member_parameters_init(&p);
+  l4d_member_parameters p = L4D_INIT(l4d_member_parameters);
   p.is_member = 1;
   p.number = number;
   p.role = L4D_MEMBER_MEDIA;
@@ -74,8 +71,7 @@ l4d_member_parameters member_parameters(uint32_t number, double shift) {
 
 // What the member presents in seconds of its sequence.
 l4d_member member_of(const l4d_reader& stream) {
-  l4d_member m;
-  l4d_member_init(&m);
+  l4d_member m = L4D_INIT(l4d_member);
   Members list;
   if (open_members(stream, true, &list) == L4D_OK) (void)l4d_members_get(list.get(), 0, &m);
   return m;
@@ -83,8 +79,7 @@ l4d_member member_of(const l4d_reader& stream) {
 
 #ifdef L4D_TEST_RENDERER
 l4d_camera small_camera() {
-  l4d_camera camera;
-  l4d_camera_init(&camera);
+  l4d_camera camera = L4D_INIT(l4d_camera);
   camera.width = camera.height = 16;
   camera.fx = camera.fy = 12;
   camera.cx = camera.cy = 8;
@@ -149,10 +144,9 @@ class Verbs {
   }
 
   void copies() {
-    l4d_member_parameters p;
-    l4d_member_parameters_init(&p);
+    l4d_member_parameters p = L4D_INIT(l4d_member_parameters);
     add_copy("remux", p, {});
-    p.max_level = 0;
+    p.levels = 1;
     add_copy("remux --max-level 0", p, {});
     const l4d_member m = member_of(stream_);
     add_copy("concat", member_parameters(1, kFirstSeconds - m.sequence_begin), first_);
@@ -213,8 +207,7 @@ class Verbs {
 
 #ifdef L4D_TEST_RENDERER
   void render(const DecoderHandle& decoder) {
-    l4d_renderer_options options;
-    l4d_renderer_options_init(&options);
+    l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
     options.threads = 1;
     options.max_memory_bytes = kSessionMemory;
     try {
@@ -267,14 +260,11 @@ std::vector<VerbOutcome> try_verbs(const Bytes& file, const Bytes& first) {
     outcomes.push_back({"open", opened, is_refusal(opened) ? "" : l4d_status_name(opened)});
     return outcomes;
   }
-  l4d_members_info info;
-  l4d_members_info_init(&info);
+  l4d_members_info info = L4D_INIT(l4d_members_info);
   (void)l4d_members_get_info(list.get(), &info);
   for (uint64_t i = 0; i < info.count; ++i) {
-    l4d_member m;
-    l4d_member_init(&m);
-    l4d_reader reader;
-    l4d_reader_init(&reader);
+    l4d_member m = L4D_INIT(l4d_member);
+    l4d_reader reader = L4D_INIT(l4d_reader);
     (void)l4d_members_get(list.get(), i, &m);
     if (m.role == L4D_MEMBER_INDEX) continue;
     if (l4d_members_get_reader(list.get(), i, &reader) != L4D_OK) continue;

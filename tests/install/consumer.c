@@ -36,18 +36,17 @@ int main(void) {
   static const l4d_timeline timeline = {0.0, 30, 30, 1, 0};
   static buffer out;
   float decoded[6];
-  l4d_gaussians scene;
-  l4d_writer writer;
+  l4d_gaussians scene = L4D_INIT(l4d_gaussians);
+  l4d_writer writer = L4D_INIT(l4d_writer);
   l4d_encoder* encoder = NULL;
   l4d_decoder* decoder = NULL;
-  l4d_query query;
-  l4d_gaussian_buffers arrays;
+  l4d_query query = L4D_INIT(l4d_query);
+  l4d_gaussian_buffers arrays = L4D_INIT(l4d_gaussian_buffers);
 
   CHECK(l4d_version_number() ==
         ((uint32_t)L4D_VERSION_MAJOR << 24 | (uint32_t)L4D_VERSION_MINOR << 16 |
          (uint32_t)L4D_VERSION_PATCH << 8));
 
-  l4d_gaussians_init(&scene);
   scene.count = 2;
   scene.position = position;
   scene.mean_t = mean_t;
@@ -55,7 +54,6 @@ int main(void) {
   scene.rotor = rotor;
   scene.opacity = opacity;
   scene.sh = sh;
-  l4d_writer_init(&writer);
   writer.user = &out;
   writer.write = append;
   CHECK(l4d_encoder_create(NULL, &encoder) == L4D_OK);
@@ -64,8 +62,6 @@ int main(void) {
   CHECK(l4d_encoder_encode(encoder, &writer) == L4D_OK);
   l4d_encoder_destroy(encoder);
 
-  l4d_query_init(&query);
-  l4d_gaussian_buffers_init(&arrays);
   arrays.capacity = 2;
   arrays.position = decoded;
   CHECK(l4d_decoder_create(NULL, &decoder) == L4D_OK);

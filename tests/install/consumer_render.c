@@ -6,13 +6,12 @@
 int main(void) {
   const float position[3] = {0, 0, 2}, mean_t = 0.5f, log_scale[4] = {-2, -2, -2, 3};
   const float rotor[8] = {1, 0, 0, 0, 0, 0, 0, 0}, opacity = 0.9f, sh[3] = {1, 1, 1};
-  l4d_gaussians scene;
+  l4d_gaussians scene = L4D_INIT(l4d_gaussians);
   const l4d_timeline timeline = {0.0, 30, 30, 1, 0};
   float rgb[3 * 9 * 9];
   l4d_renderer* renderer = NULL;
-  l4d_camera camera;
-  l4d_image image;
-  l4d_gaussians_init(&scene);
+  l4d_camera camera = L4D_INIT(l4d_camera);
+  l4d_image image = L4D_INIT(l4d_image);
   scene.count = 1;
   scene.position = position;
   scene.mean_t = &mean_t;
@@ -20,8 +19,6 @@ int main(void) {
   scene.rotor = rotor;
   scene.opacity = &opacity;
   scene.sh = sh;
-  l4d_camera_init(&camera);
-  l4d_image_init(&image);
   camera.width = camera.height = 9;
   camera.fx = camera.fy = 9;
   camera.cx = camera.cy = 4.5;

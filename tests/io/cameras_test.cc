@@ -192,16 +192,85 @@ TEST_F(CamerasTest, CountsWhatItReads) {
 }
 
 TEST_F(CamerasTest, TransformsOfADistortedLens) {
-  std::string text = test::kTransforms;
-  text.insert(1, R"("k1": 0.1, "k4": 0.02, "p2": 0.01, )");
-  Distortion lens = read_cameras(write("transforms.json", text)).cameras[0].distortion;
+  const auto lens_with = [&](const std::string& keys) {
+    std::string text = test::kTransforms;
+    text.insert(1, keys);
+    return read_cameras(write("transforms.json", text)).cameras[0].distortion;
+  };
+  Distortion lens = lens_with(R"("k1": 0.1, "p2": 0.01, )");
   EXPECT_EQ(lens.model, Distortion::Model::kRadial);
   EXPECT_EQ(lens.k[0], 0.1);
   EXPECT_EQ(lens.p[1], 0.01);
-  text.insert(1, R"("camera_model": "OPENCV_FISHEYE", )");
-  lens = read_cameras(write("transforms.json", text)).cameras[0].distortion;
-  EXPECT_EQ(lens.model, Distortion::Model::kFisheye);
+  lens = lens_with(R"("k1": 0.1, "k4": 0.02, "k5": 0.03, "k6": 0.04, )");
+  EXPECT_EQ(lens.model, Distortion::Model::kRadial);
+  EXPECT_EQ(lens.k[5], 0.04);
+  lens = lens_with(R"("camera_model": "FULL_OPENCV", "k4": 0.02, )");
   EXPECT_EQ(lens.k[3], 0.02);
+  // A fisheye lens without coefficients is none the less no pinhole.
+  for (const char* fisheye : {R"("camera_model": "OPENCV_FISHEYE", "k4": 0.02, )",
+                              R"("camera_model": "OPENCV_FISHEYE", )", R"("is_fisheye": true, )"}) {
+    EXPECT_EQ(lens_with(fisheye).model, Distortion::Model::kFisheye) << fisheye;
+  }
+  EXPECT_EQ(lens_with(R"("is_fisheye": false, "camera_model": "PINHOLE", )").model,
+            Distortion::Model::kNone);
+  std::string message;
+  for (const char* model : {"EQUIRECTANGULAR", "ORTHOPHOTO", "VR180_L", "opencv"}) {
+    std::string text = test::kTransforms;
+    text.insert(1, std::string(R"("camera_model": ")") + model + "\", ");
+    EXPECT_EQ(status("transforms.json", text, &message), L4D_ERR_FEATURE_UNSUPPORTED);
+    EXPECT_NE(message.find(model), std::string::npos) << message;
+  }
+  for (const char* keys :
+       {R"("latlong": true, )", R"("k4": 0.02, )", R"("is_fisheye": true, "k5": 1, )"}) {
+    std::string text = test::kTransforms;
+    text.insert(1, keys);
+    EXPECT_EQ(status("transforms.json", text, &message), L4D_ERR_FEATURE_UNSUPPORTED) << keys;
+  }
+}
+
+TEST_F(CamerasTest, WhatTransformsSayBesidesIsNamed) {
+  std::string text = test::kTransforms;
+  text.insert(1, R"("applied_transform": [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]],
+    "applied_scale": 0.5, "ply_file_path": "p.ply", "aabb_scale": 16,
+    "test_filenames": ["train/r_001.jpg"], )");
+  const CameraSet set = read_cameras(write("transforms.json", text));
+  ASSERT_EQ(set.notes.size(), 3U);
+  EXPECT_NE(set.notes[0].find("ply_file_path"), std::string::npos) << set.notes[0];
+  EXPECT_NE(set.notes[1].find("applied_transform"), std::string::npos) << set.notes[1];
+  EXPECT_NE(set.notes[2].find("applied_scale"), std::string::npos) << set.notes[2];
+  EXPECT_EQ(set.cameras[0].split, "");
+  EXPECT_EQ(set.cameras[1].split, "test");
+}
+
+TEST_F(CamerasTest, TransformsFindNamesWithDots) {
+  std::string text = test::replaced(test::kTransforms, "./train/r_000", "./train/r_0.5");
+  text = test::replaced(text, "train/r_001.jpg", "train/\xd0\xba 1");
+  std::filesystem::create_directory(path("train"));
+  write_png(path("train/r_0.5.png"), Image(64, 48));
+  write("train/\xd0\xba 1.jpg", "");
+  const CameraSet set = read_cameras(write("transforms.json", text));
+  EXPECT_EQ(set.cameras[0].image, path("train/r_0.5.png"));
+  EXPECT_EQ(set.cameras[1].image, path("train/\xd0\xba 1.jpg"));
+}
+
+TEST_F(CamerasTest, TransformsTakeSizesOfJpegs) {
+  const std::string text =
+      test::replaced(test::kTransforms, "\"w\": 640, \"h\": 480,", "\"fl_x\": 500, ");
+  std::filesystem::create_directory(path("train"));
+  // SOI, a segment of 6 bytes, SOF2: precision, height, width, ...
+  const std::string jpeg("\xff\xd8\xff\xe0\x00\x04\x01\x02\xff\xc2\x00\x0b\x08\x01\x40\x02\x80\x01",
+                         18);
+  write("train/r_000.jpg", jpeg);
+  write("train/r_001.jpg", jpeg);
+  const CameraSet set = read_cameras(write("transforms.json", text));
+  EXPECT_EQ(set.cameras[0].camera.width, 640U);
+  EXPECT_EQ(set.cameras[0].camera.height, 320U);
+  EXPECT_EQ(set.cameras[0].camera.fx, 500);
+  // A focal length in pixels of how many?
+  std::string message;
+  write("train/r_001.jpg", jpeg.substr(0, 14));
+  EXPECT_EQ(status("transforms.json", text, &message), L4D_ERR_CORRUPT);
+  EXPECT_NE(message.find("camera 1: the focal length is in pixels"), std::string::npos) << message;
 }
 
 TEST_F(CamerasTest, TruncatedAndForeignFiles) {
@@ -268,8 +337,10 @@ TEST_F(CamerasTest, TransformsWithIntrinsicsPerFileAndFrame) {
   EXPECT_EQ(set.cameras[1].camera.height, 480U);
   EXPECT_EQ(set.cameras[0].split, "val");
   EXPECT_EQ(set.cameras[1].time.value_or(-1), 2.5);
-  ASSERT_EQ(set.notes.size(), 1U);
-  EXPECT_NE(set.notes[0].find("distortion"), std::string::npos);
+  EXPECT_EQ(set.notes.size(), 0U);
+  const std::vector<std::string> notes = notes_of_pinholes(set);
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_NE(notes[0].find("distortion of the lens of 2 cameras"), std::string::npos) << notes[0];
 }
 
 TEST_F(CamerasTest, TransformsTakeSizesFromImages) {

@@ -82,6 +82,25 @@ TEST_F(FormatsTest, L4dPlyChannelMajorBecomesCoefficientMajor) {
   EXPECT_EQ(scene.flags, static_cast<uint32_t>(L4D_POSITION_AT_MEAN_TIME | L4D_OPACITY_LOGIT));
 }
 
+// A stream has positions at reference times: those at mean times need not be float32 numbers.
+TEST_F(FormatsTest, L4dPlyKeepsPositionsFarFromTheOrigin) {
+  for (const double far : {0.0, 4e6}) {
+    Scene scene = test::random_scene(5, 200, 0);
+    positions_to_reference_time(scene);
+    for (float& x : scene.position) x += static_cast<float>(far);
+    const std::vector<double> exact = positions_at_mean_time(scene);
+    write_l4d_ply(path("out.ply"), scene);
+    const bool is_double =
+        test::read_bytes(path("out.ply")).find("property double x") != std::string::npos;
+    EXPECT_EQ(is_double, far != 0);
+    const Scene back = read_scene_ply(path("out.ply"));
+    for (size_t i = 0; i < exact.size(); ++i) {
+      const double world = back.placement.origin[i % 3] + static_cast<double>(back.position[i]);
+      ASSERT_NEAR(world, exact[i], 1e-7 * std::abs(exact[i] - far)) << far;
+    }
+  }
+}
+
 TEST_F(FormatsTest, BasketballIsRewrittenByteForByte) {
   const std::string file = l4d::test::data_file("basketball/basketball.ply");
   if (file.empty()) GTEST_SKIP() << "no data set";
@@ -327,7 +346,7 @@ TEST_F(FormatsTest, BadScenesSayWhatIsWrong) {
   expect("ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nend_header\n",
          L4D_ERR_FEATURE_UNSUPPORTED, "none of the Gaussian formats");
   expect("ply\nformat ascii 1.0\nelement vertex 0\nproperty uint packed_position\nend_header\n",
-         L4D_ERR_FEATURE_UNSUPPORTED, "compressed");
+         L4D_ERR_CORRUPT, "no element chunk");
   EXPECT_EQ(test::status_of([&] { read_scene_ply(path("absent.ply")); }), L4D_ERR_IO);
 }
 
@@ -360,8 +379,9 @@ TEST_F(FormatsTest, StaticPlyIsPermanentAndStill) {
   EXPECT_EQ(scene.flags & L4D_OPACITY_LOGIT, static_cast<uint32_t>(L4D_OPACITY_LOGIT));
   EXPECT_EQ(scene.rotor, (std::vector<float>{1, 0, 0, 0, 0, 0, 0, 0,  //
                                              0.5F, -0.5F, -0.5F, -0.5F, 0, 0, 0, 0}));
-  ASSERT_EQ(scene.notes.size(), 1U);
-  EXPECT_NE(scene.notes[0].find("0.05 %"), std::string::npos);
+  ASSERT_EQ(scene.notes.size(), 2U);
+  EXPECT_EQ(scene.notes[0], "1 of 15 properties were not read: nx.");
+  EXPECT_NE(scene.notes[1].find("0.05 %"), std::string::npos);
   for (size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(scene.mean_t[i], 5);
     for (size_t k = 0; k < 3; ++k) {

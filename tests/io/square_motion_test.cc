@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "io/scene/rotor_math.h"
-#include "io/synth/synth.h"
+#include "tests/io/place_support.h"
 #include "tests/io/support.h"
 
 namespace l4d::io {
@@ -12,31 +11,10 @@ namespace {
 
 constexpr double kTau = 6.283185307179586, kGravity = 9.81;
 
-struct Moving {
-  Vec3 p, v;
-  double t;
-};
+using test::Moving;
 
-// Gaussians of 5 seconds with one effect, at their mean times.
 std::vector<Moving> moving(const char* effect, uint64_t gaussians) {
-  SynthOptions options;
-  options.scene = "square";
-  options.gaussians = gaussians;
-  options.effects = {effect};
-  const Scene scene = synthesize(options);
-  std::vector<Moving> out(scene.count());
-  for (size_t i = 0; i < scene.count(); ++i) {
-    Rotor rotor;
-    Vec4 scale;
-    for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(scene.rotor[8 * i + k]);
-    for (size_t k = 0; k < 4; ++k) {
-      scale[k] = std::exp(static_cast<double>(scene.log_scale[4 * i + k]));
-    }
-    for (size_t k = 0; k < 3; ++k) out[i].p[k] = static_cast<double>(scene.position[3 * i + k]);
-    out[i].v = velocity_of(rotor, scale);
-    out[i].t = static_cast<double>(scene.mean_t[i]);
-  }
-  return out;
+  return test::moving("square", effect, gaussians);
 }
 
 // One of the carousel, from its axis, and where it was at second 0.

@@ -1,57 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
-#include <cstring>
 
 #include "io/camera/cameras.h"
-#include "io/scene/rotor_math.h"
 #include "io/synth/synth.h"
+#include "tests/io/place_support.h"
 #include "tests/io/support.h"
 
 namespace l4d::io {
 namespace {
 
+using test::expect_sound;
+using test::hash;
+
 Scene square(uint64_t gaussians, const std::vector<std::string>& effects = {}, double seconds = 5,
              int threads = 0, uint64_t seed = 1) {
-  SynthOptions options;
-  options.scene = "square";
-  options.gaussians = gaussians;
-  options.effects = effects;
-  options.seconds = seconds;
-  options.threads = threads;
-  options.seed = seed;
-  return synthesize(options);
-}
-
-uint64_t hash(const Scene& scene) {  // FNV-1a over the bits of all arrays
-  uint64_t h = 0xcbf29ce484222325U;
-  for (const auto* array : {&scene.position, &scene.mean_t, &scene.log_scale, &scene.rotor,
-                            &scene.opacity, &scene.sh}) {
-    for (const float value : *array) {
-      uint32_t bits = 0;
-      std::memcpy(&bits, &value, sizeof(bits));
-      h = (h ^ bits) * 0x100000001b3U;
-    }
-  }
-  return h;
-}
-
-void expect_sound(const Scene& scene) {
-  for (const auto* array :
-       {&scene.position, &scene.mean_t, &scene.log_scale, &scene.opacity, &scene.sh}) {
-    for (const float value : *array) ASSERT_TRUE(std::isfinite(value));
-  }
-  for (size_t i = 0; i < scene.count(); ++i) {
-    const float* r = &scene.rotor[8 * i];
-    // Both halves of a rotor of length 1 have length 1: |r| = 1 and r r~ has no pseudoscalar.
-    double norm = 0;
-    for (size_t k = 0; k < 8; ++k) norm += static_cast<double>(r[k]) * static_cast<double>(r[k]);
-    const double off = static_cast<double>(r[0]) * static_cast<double>(r[7]) -
-                       static_cast<double>(r[1]) * static_cast<double>(r[6]) +
-                       static_cast<double>(r[2]) * static_cast<double>(r[5]) -
-                       static_cast<double>(r[3]) * static_cast<double>(r[4]);
-    ASSERT_NEAR(norm, 1, 1e-6) << i;
-    ASSERT_NEAR(off, 0, 1e-6) << i;
-  }
+  return test::place("square", gaussians, effects, seconds, threads, seed);
 }
 
 TEST(Square, BitsAreTheSameEverywhere) {
@@ -73,7 +36,7 @@ TEST(Square, HasExactlyAsManyGaussiansAsAskedFor) {
 }
 
 TEST(Square, EveryEffectAloneIsSound) {
-  for (const char* effect : kSquareEffects) {
+  for (const char* effect : kPlaceEffects) {
     SCOPED_TRACE(effect);
     const Scene scene = square(4000, {effect});
     expect_sound(scene);
@@ -94,17 +57,7 @@ TEST(Square, EveryEffectAloneIsSound) {
 // Drops and balls are the fastest: metres per second.
 TEST(Square, VelocitiesAreThoseOfThings) {
   const Scene scene = square(20000, {"rigid", "deform", "drops"});
-  double fastest = 0;
-  for (size_t i = 0; i < scene.count(); ++i) {
-    Rotor rotor;
-    Vec4 scale;
-    for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(scene.rotor[8 * i + k]);
-    for (size_t k = 0; k < 4; ++k) {
-      scale[k] = std::exp(static_cast<double>(scene.log_scale[4 * i + k]));
-    }
-    const Vec3 v = velocity_of(rotor, scale);
-    fastest = std::max(fastest, std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]));
-  }
+  const double fastest = test::fastest(scene);
   EXPECT_GT(fastest, 3);  // drops and balls
   EXPECT_LT(fastest, 8);
 }
@@ -124,7 +77,7 @@ TEST(Square, StatesItsFirstViewWhichIsTheFirstCamera) {
   ASSERT_EQ(scene.presentation.has_camera, 1U);
   ASSERT_EQ(scene.presentation.has_bounds, 1U);
   const std::string path = ::testing::TempDir() + "l4d_square_cameras.json";
-  write_square_cameras(path, scene.timeline);
+  write_place_cameras(path, "square", scene.timeline);
   const CameraSet set = read_cameras(path);
   EXPECT_EQ(set.cameras.size(), 8U + 24 + 150);
   EXPECT_EQ(set.frames, 150U);

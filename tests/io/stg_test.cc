@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "io/ply/scene_ply.h"
+#include "tests/io/stg_file.h"
 #include "tests/io/support.h"
 
 namespace l4d::io {
@@ -9,59 +10,14 @@ namespace {
 
 using reference::Real;
 
+constexpr const char* kNormals = "3 of 32 properties were not read: nx, ny, nz.";
+
 class StgTest : public test::IoTest {
  protected:
-  struct Row {
-    double position[3] = {1, 2, 3};
-    double center = 0.5, log_width = -2;
-    double motion[9] = {};
-    double color[3] = {0.5, 0.75, 0.25};
-    double opacity = 1;
-    double scale[3] = {-3, -4, -5};
-    double wxyz[4] = {1, 0, 0, 0};
-    double omega[4] = {};
-  };
+  using Row = test::StgRow;
 
   std::string file(const std::vector<Row>& rows, const std::string& extra = "") const {
-    std::string text =
-        "ply\nformat ascii 1.0\nelement vertex " + std::to_string(rows.size()) + "\n";
-    for (const char* name : {"x", "y", "z", "trbf_center", "trbf_scale", "nx", "ny", "nz"}) {
-      text += std::string("property float ") + name + "\n";
-    }
-    const auto declare = [&](const char* name, int count) {
-      for (int k = 0; k < count; ++k) {
-        text += std::string("property float ") + name + "_" + std::to_string(k) + "\n";
-      }
-    };
-    declare("motion", 9);
-    declare("f_dc", 3);
-    text += "property float opacity\n";
-    declare("scale", 3);
-    declare("rot", 4);
-    declare("omega", 4);
-    text += extra + "end_header\n";
-    const auto put = [&](const double* values, int count) {
-      char number[40];
-      for (int k = 0; k < count; ++k) {
-        std::snprintf(number, sizeof(number), "%.9g ", values[k]);
-        text += number;
-      }
-    };
-    for (const Row& row : rows) {
-      const double zeros[3] = {};
-      put(row.position, 3);
-      put(&row.center, 1);
-      put(&row.log_width, 1);
-      put(zeros, 3);
-      put(row.motion, 9);
-      put(row.color, 3);
-      put(&row.opacity, 1);
-      put(row.scale, 3);
-      put(row.wxyz, 4);
-      put(row.omega, 4);
-      text += "\n";
-    }
-    return write("stg.ply", text);
+    return write("stg.ply", test::stg_ply(rows, extra));
   }
 
   static ImportOptions ten_seconds() {
@@ -79,7 +35,7 @@ TEST_F(StgTest, LinearMotionIsExact) {
   row.motion[2] = 0.5;
   const Scene scene = read_scene_ply(file({row}), ten_seconds());
   EXPECT_EQ(scene.source, "stg_ply");
-  EXPECT_TRUE(scene.notes.empty());
+  EXPECT_EQ(scene.notes, std::vector<std::string>{kNormals});
   EXPECT_EQ(scene.timeline.num_frames, 50U);
   EXPECT_EQ(scene.mean_t[0], 5);
   EXPECT_EQ(scene.position, (std::vector<float>{1, 2, 3}));
@@ -118,16 +74,16 @@ TEST_F(StgTest, CurvesBecomeTheWeightedStraightLine) {
   const test::ReferenceSlice s = test::reference_slice(scene, 0);
   EXPECT_NEAR(static_cast<double>(s.velocity[0]), 0.1, 1e-6);
   EXPECT_NEAR(static_cast<double>(s.velocity[1]), 3 * -20 * variance / 10, 1e-2 * 0.0075);
-  ASSERT_EQ(scene.notes.size(), 1U);
+  ASSERT_EQ(scene.notes.size(), 2U);
   // At 4 sigma: 4 (16 - 1) s^2 across, 20 (64 - 12) s^3 the other way.
   const double sigma = std::sqrt(variance);
   const double largest = std::hypot(4 * 15 * variance, 20 * 52 * sigma * variance);
   double claimed = 0;
-  ASSERT_EQ(std::sscanf(scene.notes[0].substr(scene.notes[0].find("at most ")).c_str(),
+  ASSERT_EQ(std::sscanf(scene.notes[1].substr(scene.notes[1].find("at most ")).c_str(),
                         "at most %lf", &claimed),
             1);
   EXPECT_NEAR(claimed, largest, 0.06 * largest);  // samples lie a little inside of 4 sigma
-  EXPECT_NE(scene.notes[0].find("1 Gaussians"), std::string::npos);
+  EXPECT_NE(scene.notes[1].find("1 Gaussians"), std::string::npos);
 }
 
 // A Gaussian wider than the sequence is fitted where it can be seen, not over its infinite tails.
@@ -147,13 +103,13 @@ TEST_F(StgTest, TurningIsFrozenAndReported) {
   row.omega[3] = 0.2;
   const Scene scene = read_scene_ply(file({row, Row()}), ten_seconds());
   EXPECT_FALSE(test::has_motion(scene));
-  ASSERT_EQ(scene.notes.size(), 1U);
+  ASSERT_EQ(scene.notes.size(), 2U);
   double degrees = 0;
-  ASSERT_EQ(std::sscanf(scene.notes[0].substr(scene.notes[0].find("at most ")).c_str(),
+  ASSERT_EQ(std::sscanf(scene.notes[1].substr(scene.notes[1].find("at most ")).c_str(),
                         "at most %lf", &degrees),
             1);
   EXPECT_NEAR(degrees, 2 * std::atan(0.2 * 0.4) * 57.29578, 0.2);
-  EXPECT_EQ(scene.notes[0].rfind("1 Gaussians turn", 0), 0U);
+  EXPECT_EQ(scene.notes[1].rfind("1 Gaussians turn", 0), 0U);
 }
 
 TEST_F(StgTest, FullModelsAreRefused) {
@@ -163,13 +119,14 @@ TEST_F(StgTest, FullModelsAreRefused) {
     EXPECT_EQ(test::status_of([&] { read_scene_ply(path); }, &message),
               L4D_ERR_FEATURE_UNSUPPORTED);
     EXPECT_NE(message.find("neural network"), std::string::npos);
+    EXPECT_NE(message.find("lite model"), std::string::npos);
   }
 }
 
 TEST_F(StgTest, MissingTimelineIsSaid) {
   const Scene scene = read_scene_ply(file({Row()}));
   EXPECT_EQ(scene.timeline.num_frames, 30U);
-  ASSERT_EQ(scene.notes.size(), 1U);
+  ASSERT_EQ(scene.notes.size(), 2U);
   EXPECT_NE(scene.notes[0].find("no timeline"), std::string::npos);
 }
 

@@ -100,6 +100,27 @@ inline void expect_same_arrays(const Scene& a, const Scene& b) {
   EXPECT_TRUE(same_bits(a.sh, b.sh));
 }
 
+// Moving Gaussians, most of whose mean times lie outside the sequence.
+inline Scene random_scene(uint64_t seed, size_t count, uint32_t degree) {
+  reference::Random random(seed);
+  Scene scene;
+  scene.timeline = {1.5, 150, 30, 1, 0};
+  scene.sh_degree = degree;
+  scene.flags = L4D_POSITION_AT_MEAN_TIME | L4D_OPACITY_LOGIT;
+  scene.resize(count);
+  for (float& x : scene.position) x = static_cast<float>(random.normal());
+  for (float& x : scene.sh) x = static_cast<float>(random.normal());
+  for (size_t i = 0; i < count; ++i) {
+    scene.mean_t[i] = static_cast<float>(random.uniform(-40, 40));
+    scene.opacity[i] = static_cast<float>(3 * random.normal());
+    for (size_t k = 0; k < 4; ++k) {
+      scene.log_scale[4 * i + k] = static_cast<float>(random.uniform(-6, k == 3 ? 3 : -1));
+    }
+    reference::random_rotor(random, 0.01, &scene.rotor[8 * i]);
+  }
+  return scene;
+}
+
 inline bool has_motion(const Scene& scene) {
   for (size_t i = 0; i < scene.count(); ++i) {
     for (size_t k = 4; k < 8; ++k) {

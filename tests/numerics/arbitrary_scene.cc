@@ -5,6 +5,8 @@
 #include <cmath>
 #include <ostream>
 
+#include "l4d/experimental/parameters.h"
+
 namespace l4d::numerics {
 namespace {
 
@@ -49,8 +51,8 @@ ArbitraryScene draw_scene(bool lossy) {
   if (!lossy) {
     out.encode.preset = "lossless";
   } else {
-    const auto set = [&](l4d_encoder_parameter id, double value) {
-      out.encode.settings.push_back({id, value});
+    const auto set = [&](const char* name, double value) {
+      out.encode.settings.push_back({name, value});
     };
     // What follows no quality: errors are those of what is set below.
     set(L4D_ENC_CODEBOOKS_BY_COST, 0);
@@ -64,7 +66,7 @@ ArbitraryScene draw_scene(bool lossy) {
     set(L4D_ENC_MAX_OPACITY_ERROR, 0);  // few bits keep no bound
     set(L4D_ENC_SCALE_FACTOR_BITS, 16 - draw(16));
     set(L4D_ENC_RCQ, draw(3));
-    if (draw(2) == 1) out.encode.stages = {{L4D_ALL_COMPONENTS, {1.0f, 0.5f, 0.25f}}};
+    if (draw(2) == 1) out.encode.stages = {{L4D_ENC_STAGES, {1.0f, 0.5f, 0.25f}}};
   }
   out.encode.settings.push_back({L4D_ENC_MERGE_COUNT, 10.0 * draw(10)});
   out.encode.settings.push_back({L4D_ENC_MERGE_FRACTION, 0});

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "l4d/experimental/inspect.h"
 #include "tests/common/codec.h"
 #include "tests/numerics/formula.h"
 #include "tests/numerics/hard_scenes.h"
@@ -155,29 +156,12 @@ TEST(BoundsOf, LosslessStreamsStateNoErrors) {
 // What is smaller than its own minimum size counts as that, which is worth bytes.
 TEST(BoundsOf, OwnMinSizesCount) {
   const TestScene scene = hard_scenes()[4].make();
-  const EncodeOptions options = options_of(kPresets[4], true);
+  EncodeOptions options = options_of(kPresets[4], true);
   const Encoded with_none = encode(scene, options);
   constexpr float kLeast = 0.2f;
-  std::vector<float> sizes(scene.count(), kLeast);
-  l4d_encoder_options o;
-  l4d_encoder_options_init(&o);
-  const EncoderHandle encoder(&o);
-  EXPECT_EQ(l4d_encoder_set_min_sizes(encoder.get(), sizes.data(), sizes.size()),
-            L4D_ERR_INVALID_STATE);
-  prepare_encoder(scene, options, encoder);
-  EXPECT_EQ(l4d_encoder_set_min_sizes(encoder.get(), sizes.data(), sizes.size() - 1),
-            L4D_ERR_INVALID_ARGUMENT);
-  sizes[7] = -1;
-  EXPECT_EQ(l4d_encoder_set_min_sizes(encoder.get(), sizes.data(), sizes.size()),
-            L4D_ERR_INVALID_SCENE);
-  sizes[7] = kLeast;
-  encoder.check(l4d_encoder_set_min_sizes(encoder.get(), sizes.data(), sizes.size()));
-  Encoded e;
-  e.bytes = encoder.encode();
-  l4d_encode_report_init(&e.report);
-  encoder.check(l4d_encoder_get_report(encoder.get(), &e.report));
-  e.order.resize(e.report.coded_gaussians);
-  encoder.check(l4d_encoder_get_order(encoder.get(), e.order.data(), e.order.size()));
+  const std::vector<float> sizes(scene.count(), kLeast);
+  options.min_sizes = &sizes;
+  const Encoded e = encode(scene, options);
   const Worst worst = worst_errors(scene, e, static_cast<double>(kLeast));
   EXPECT_LE(worst.position, kPresets[4].position + 1e-3);
   EXPECT_LE(worst.covariance, kPresets[4].covariance * (1 + 1e-3));

@@ -7,7 +7,6 @@
 #   GENERATED      the folder of l4d_generated.h
 #   NUMERICS_TEST  the program that writes the streams
 #   GCC_O3         decode_hash of a build with g++ -O3; without it, one is compiled
-# Where build/clang is (./dev build clang), its library is brought up to date and linked.
 set -euo pipefail
 
 generated=${1:?"usage: compilers.sh GENERATED NUMERICS_TEST [GCC_O3]"}
@@ -60,13 +59,7 @@ if [[ -n $gcc_o3 ]]; then
 else
   compile gcc-O3 g++ -O3
 fi
-if [[ -e $root/build/clang/build.ninja ]]; then
-  cmake --build "$root/build/clang" -j "${L4D_JOBS:-$(nproc)}" --target l4dcodec
-  clang++ -O3 "${flags[@]}" "$root/tests/numerics/compilers/decode_hash.cc" \
-    "$root/build/clang/api/libl4dcodec.a" "${libraries[@]}" -o "$work/clang-O3.bin"
-else
-  compile clang-O3 clang++ -O3
-fi
+compile clang-O3 clang++ -O3
 
 : >"$work/lines"
 for name in "${builds[@]}"; do

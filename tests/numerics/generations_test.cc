@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "l4d/experimental/packed.h"
 #include "libl4dcodec/math/rotor.h"
 #include "libl4dcodec/scene/layers.h"
 #include "tests/common/codec.h"
@@ -47,8 +48,7 @@ TEST(Property, ErrorsAreWithinWhatIsDeclared) {
     const GaussianArrays a = d.decode(all_query());
     const size_t sh_dim = scene.sh_dim();
     for (const l4d_bucket_span& r : a.spans) {
-      l4d_dequantization q;
-      l4d_dequantization_init(&q);
+      l4d_dequantization q = L4D_INIT(l4d_dequantization);
       d.check(l4d_decoder_get_dequantization(d.get(), r.layer, &q));
       const l4d_layer_info layer = d.layer_info(r.layer);
       for (size_t i = r.first; i < r.first + r.count; ++i) {

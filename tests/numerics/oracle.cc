@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "io/scene/rotor_math.h"
+#include "l4d/experimental/inspect.hpp"
 #include "libl4dcodec/scene/attributes.h"
 
 namespace l4d::numerics {
@@ -123,7 +124,7 @@ Worst worst_errors(const TestScene& scene, const Encoded& e, double own_min_size
 l4d_coding_errors stated_errors(const Bytes& bytes) {
   DecoderHandle decoder;
   decoder.open_memory(bytes.data(), bytes.size());
-  return decoder.coding_errors();
+  return coding_errors(decoder);
 }
 
 TestScene in_other_units(const TestScene& scene, double scale, double later) {

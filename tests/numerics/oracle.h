@@ -5,6 +5,7 @@
 
 #include <Eigen/Dense>
 
+#include "l4d/experimental/inspect.h"
 #include "tests/common/codec.h"
 
 namespace l4d::numerics {

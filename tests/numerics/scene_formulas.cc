@@ -237,8 +237,8 @@ std::vector<Formula> list() {
        "UTM coordinates (5e6, 4e5), radius 10 to 300 m", "error : radius",
        "half a step of binary16: 2^-12 of its power of two, which half the range exceeds",
        "absolute coordinates in binary32", 0x1p-11, georeferenced},
-      {"extent_microscopic", "position", "coordinates in binary64", "radius 1 to 3 um",
-       "error : radius",
+      {"extent_microscopic", "position", "coordinates in binary64",
+       "radius 1 to 3 um; Gaussians have at least 41 nm", "error : radius",
        "half a step of binary16: 2^-12 of its power of two, which half the range exceeds",
        "binary16 of the coordinate", 0x1p-11, microscopic},
   };

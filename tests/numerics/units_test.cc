@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <string>
 
+#include "l4d/experimental/inspect.h"
 #include "tests/common/codec.h"
 #include "tests/numerics/hard_scenes.h"
 #include "tests/numerics/oracle.h"

@@ -114,7 +114,7 @@ def test_base_colours_and_layers(folder: pathlib.Path) -> None:
     layers = l4d.open(out.getvalue())
     assert len(layers.slice(1, max_tier=0)) < len(layers.slice(1))
     assert any(len(layers.slice(t / 10, max_level=0)) < len(layers.slice(t / 10)) for t in range(20))
-    camera = l4d.Camera.look_at((0, 1, -5), (0, 1, 0), width=32, height=32)
+    camera = l4d.Camera.call_on((0, 1, -5), (0, 1, 0), width=32, height=32)
     image = stream.render(1, camera)
     assert not np.array_equal(stream.render(1, camera, detail="base"), image)
     assert np.array_equal(stream.render(1, camera), image)
@@ -128,7 +128,7 @@ def test_files_of_several_streams(folder: pathlib.Path, tmp_path: pathlib.Path) 
     tool("cut", two, "--from", 1, "--to", 3, "-o", part)
     tool("encode", folder / "scene.ply", "--live", "-o", live)
     plain = l4d.open(scene)
-    camera = l4d.Camera.look_at((0, 1, -5), (0, 1, 0), width=32, height=32)
+    camera = l4d.Camera.call_on((0, 1, -5), (0, 1, 0), width=32, height=32)
     for path, begin, end, count in ((two, 0, 4, 6000), (part, 1, 3, 6000), (live, 0, 2, None)):
         sources: List[Any] = [path, Remote(path.read_bytes())]
         for source in sources:

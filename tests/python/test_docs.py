@@ -5,6 +5,7 @@ import os
 import pathlib
 import re
 import shutil
+import subprocess
 
 import pytest
 
@@ -41,3 +42,16 @@ def test_all_that_is_public_is_described() -> None:
         for member, item in vars(value).items() if isinstance(value, type) else ():
             if callable(item) and not member.startswith("_") and name not in ("Status", "Record"):
                 assert item.__doc__ or member in ("of_c", "to_c"), f"{name}.{member}"
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="there is no CMake")
+def test_a_build_of_the_package_alone_has_all_that_it_links(tmp_path: pathlib.Path) -> None:
+    """As `pip install ./python` configures it."""
+    options = re.findall(r'"(-D[A-Z0-9_]+=[A-Za-z]+)"', (SOURCE / "python/setup.py").read_text(encoding="utf-8"))
+    assert "-DL4D_PYTHON=ON" in options and "-DL4D_BUILD_CLI=OFF" in options
+    subprocess.run(["cmake", "-S", SOURCE, "-B", tmp_path, "-G", "Ninja", "-DL4D_CUDA=OFF", *options], check=True,
+                   stdout=subprocess.DEVNULL)
+    linked = (tmp_path / "build.ninja").read_text(encoding="utf-8")
+    linked = linked[linked.index("build python/l4dcodec/_native.abi3.so"):].split("\n\n", 1)[0]
+    for library in ("eval/libl4d_eval.a", "io/libl4d_io.a", "libl4dencoder.a", "libl4drender.a"):
+        assert library in linked, library

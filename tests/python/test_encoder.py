@@ -56,11 +56,15 @@ def test_a_decoded_scene_can_be_encoded(folder: pathlib.Path) -> None:
 
 
 def test_report(folder: pathlib.Path) -> None:
-    report = l4d.encode(folder / "scene.ply", folder / "report.l4d")
+    report = l4d.encode(folder / "scene.ply", folder / "report.l4d", metadata={"by": "ä", "of": ""})
+    assert l4d.open(folder / "report.l4d").info.metadata == (("by", "ä"), ("of", ""))
     assert sorted(report.order) == list(range(3000)) and report.ratio > 4
     assert dict(report.steps).keys() >= {"check"} and report.all.coded_gaussians == 3000
     assert repr(report).startswith("<EncodeReport: 3000 Gaussians, ")
-    assert list(l4d.presets())[0] == "default" and l4d.parameters()["quality"].max == 90
+    assert list(l4d.presets())[0] == "default"
+    quality, tiers = l4d.parameters()["quality"], l4d.parameters()["tiers"]
+    assert (quality.max, quality.unit, quality.initial, quality.max_values) == (90, "dB", 44, 1)
+    assert tiers.max_values == 7 and l4d.parameters()["rans"].stable == 0
 
 
 def test_progress_and_what_it_raises(folder: pathlib.Path, tmp_path: pathlib.Path) -> None:
@@ -109,14 +113,21 @@ def test_errors_say_what_is_wrong(tmp_path: pathlib.Path) -> None:
             l4d.encode(dataclasses.replace(good, **change), tmp_path / "a.l4d")
     given: List[Tuple[Any, str]] = [({"preset": "best"}, "best"), ({"parameters": {"speed": 1}}, "`speed` is no parameter"),
                              ({"parameters": {"codebook-size.colour": 1}}, "`colour` is no component"),
-                             ({"quality": 500}, "quality"), ({"weights": {"sh": [1.0, 2.0]}}, "")]
+                             ({"parameters": {"tiers": 0.5}}, "`tiers` is a list"),
+                             ({"parameters": {"rcq": [1, 2]}}, "`rcq` is no list"),
+                             ({"quality": 500}, "quality"),
+                             ({"importance": l4d.Importance({"sh": [1.0, 2.0]})}, r"weight `sh`.*\[2\], not \[50\]"),
+                             ({"importance": l4d.Importance({"alpha": np.ones(50)})}, "`alpha` is no weight"),
+                             ({"importance": l4d.Importance(metric="psnr")}, "`psnr` is no metric: sum, gauss-newton"),
+                             ({"importance": l4d.Importance(views="few")}, "`few` is no choice of views"),
+                             ({"importance": l4d.Importance(min_sizes=1.0)}, r"`min_sizes`.*\[1\], not \[50\]")]
     for arguments, words in given:
         with pytest.raises(l4d.Error, match=words) as caught:
             l4d.encode(good, tmp_path / "a.l4d", **arguments)
         assert caught.value.status == l4d.Status.INVALID_ARGUMENT
     with pytest.raises(l4d.Error, match="nowhere"):
         l4d.encode(good, tmp_path / "nowhere" / "a.l4d")
-    with pytest.raises(l4d.Error, match="'obj'; it must be 'l4d' or 'ftgs'"):
+    with pytest.raises(l4d.Error, match="'obj'; it must be 'l4d', 'ftgs', '4dgs' or 'raw'"):
         good.write(tmp_path / "a.ply", "obj")
     with pytest.raises(l4d.Error, match="by its path"):
         l4d.read(b"ply\nformat ascii 1.0\n")

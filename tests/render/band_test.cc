@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "l4d/render.hpp"
+#include "l4d/experimental/sensitivity.hpp"
 #include "render/cpu/fast/bins.h"
 #include "tests/common/random.h"
 #include "tests/decoder/allocation_meter.h"
@@ -39,8 +39,7 @@ io::Scene veils(size_t count) {
 }
 
 RendererHandle renderer(uint64_t memory, uint32_t threads, uint32_t path = L4D_BACKEND_CPU) {
-  l4d_renderer_options options;
-  l4d_renderer_options_init(&options);
+  l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
   options.max_memory_bytes = memory;
   options.threads = threads;
   options.backend = path;
@@ -73,12 +72,10 @@ Results results_of(const io::Scene& scene, uint64_t memory, uint32_t threads = 2
   std::vector<float> upstream(3 * pixels);
   for (size_t k = 0; k < upstream.size(); ++k) upstream[k] = std::sin(0.1f * static_cast<float>(k));
   const l4d_gaussians view = scene.view();
-  l4d_image image;
-  l4d_image_init(&image);
+  l4d_image image = L4D_INIT(l4d_image);
   image.rgb = out.rgb.data();
   image.alpha = out.alpha.data();
-  l4d_gradients gradients;
-  l4d_gradients_init(&gradients);
+  l4d_gradients gradients = L4D_INIT(l4d_gradients);
   gradients.count = n;
   gradients.position = out.position.data();
   gradients.mean_t = out.mean_t.data();
@@ -88,7 +85,7 @@ Results results_of(const io::Scene& scene, uint64_t memory, uint32_t threads = 2
   gradients.sh = out.sh.data();
   const RendererHandle r = renderer(memory, threads);
   const auto step = [&](l4d_status status) {
-    if (out.status == L4D_OK && status != L4D_OK) out.detail = l4d_renderer_error_message(r.get());
+    if (out.status == L4D_OK && status != L4D_OK) out.detail = l4d_last_error_message();
     if (out.status == L4D_OK) out.status = status;
     return out.status == L4D_OK;
   };
@@ -104,8 +101,7 @@ Results results_of(const io::Scene& scene, uint64_t memory, uint32_t threads = 2
   out.peak = meter.peak();
   if (out.status != L4D_OK) return out;
   for (const uint32_t metric : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
-    l4d_sensitivity_options options;
-    l4d_sensitivity_options_init(&options);
+    l4d_sensitivity_options options = L4D_INIT(l4d_sensitivity_options);
     options.metric = metric;
     SensitivityHandle sums(&options, n, scene.sh_degree);
     sums.add_view(r, camera, true);
@@ -194,8 +190,7 @@ TEST(Bands, TheReferenceHoldsItsLimitToo) {
   for (const uint64_t limit : {uint64_t{100000}, kMiB}) {
     RendererHandle r = renderer(limit, 1, L4D_BACKEND_REFERENCE);
     std::vector<float> rgb(size_t{3} * 64 * 48);
-    l4d_image image;
-    l4d_image_init(&image);
+    l4d_image image = L4D_INIT(l4d_image);
     image.rgb = rgb.data();
     const AllocationMeter meter;
     r.set_gaussians(scene.view(), scene.timeline);

@@ -227,7 +227,7 @@ struct Gradients {
     for (const size_t size : {3 * n, n, 4 * n, 8 * n, n, scene.sh.size()}) {
       arrays.emplace_back(size, start);
     }
-    l4d_gradients_init(&g);
+    g = L4D_INIT(l4d_gradients);
     g.count = n;
     g.position = arrays[0].data();
     g.mean_t = arrays[1].data();

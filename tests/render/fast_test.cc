@@ -102,7 +102,7 @@ TEST(Fast, LargerImageAndCameraInsideTheScene) {
   const io::Scene scene = synth(12000, 2);
   const double eye[3] = {0.3, -0.6, 0.2}, target[3] = {1, -0.5, 2};
   compare("640x360", scene, {ring_camera(640, 360, 1)}, {1.5});
-  compare("inside", scene, {look_at(250, 131, 120, eye, target)}, {0, 4});
+  compare("inside", scene, {call_on(250, 131, 120, eye, target)}, {0, 4});
 }
 
 TEST(Fast, EachEffectAlone) {
@@ -261,8 +261,7 @@ TEST(Fast, ViewsAreIndependent) {
   EXPECT_GT(before.stats.instances, before.stats.projected / 2);
   EXPECT_TRUE(equal_bits(before.rgb, r.render(small)));
   std::vector<float> alpha(before.alpha.size());
-  l4d_image image;
-  l4d_image_init(&image);
+  l4d_image image = L4D_INIT(l4d_image);
   image.alpha = alpha.data();
   r.check(l4d_renderer_render(r.get(), &small, &image));
   EXPECT_TRUE(equal_bits(before.alpha, alpha));

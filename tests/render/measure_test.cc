@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "l4d/experimental/sensitivity.hpp"
 #include "tests/render/scenes.h"
 
 namespace l4d::render {
@@ -14,7 +15,6 @@ namespace {
 
 struct Measured {
   l4d_status status = L4D_OK;
-  l4d_sensitivity* handle = nullptr;
   l4d_measure_report report;
   std::vector<std::vector<float>> weights;
   std::string detail;
@@ -24,27 +24,28 @@ struct Request {
   std::vector<l4d_camera> cameras;
   std::vector<l4d_view> views;
   l4d_measure_options options;
-  l4d_progress_fn progress = nullptr;
-  void* user = nullptr;
-  Request() { l4d_measure_options_init(&options); }
+  Request() { options = L4D_INIT(l4d_measure_options); }
   void add(double time, uint32_t camera) { views.push_back({time, camera, 0}); }
 };
 
 Measured measure(const io::Scene& scene, const RendererHandle& r, const Request& request) {
   Measured m;
-  l4d_measure_report_init(&m.report);
+  m.report = L4D_INIT(l4d_measure_report);
+  m.weights.resize(L4D_WEIGHT_COUNT);
+  std::vector<float*> weights;
+  for (std::vector<float>& w : m.weights) {
+    w.assign(scene.count(), -1.0f);
+    weights.push_back(w.data());
+  }
   m.status = l4d_measure_importance(r.get(), request.cameras.data(),
                                     static_cast<uint32_t>(request.cameras.size()),
                                     request.views.data(), request.views.size(), &request.options,
-                                    request.progress, request.user, &m.report, &m.handle);
-  m.detail = l4d_renderer_error_message(r.get());
-  if (m.status != L4D_OK) {
-    EXPECT_EQ(m.handle, nullptr);
-    return m;
-  }
-  const SensitivityHandle s(m.handle, scene.count());
-  for (uint32_t which = 0; which < L4D_WEIGHT_COUNT; ++which) m.weights.push_back(s.weights(which));
-  m.handle = nullptr;
+                                    weights.data(), scene.count(), &m.report);
+  m.detail = l4d_last_error_message();
+  const bool untouched =
+      m.weights ==
+      std::vector<std::vector<float>>(L4D_WEIGHT_COUNT, std::vector<float>(scene.count(), -1.0f));
+  EXPECT_EQ(untouched, m.status != L4D_OK);
   return m;
 }
 
@@ -156,7 +157,7 @@ TEST(Measure, VisibilityViewsFindWhatOnlyTheyShow) {
   builder.add_ball(0, 50, 0, 0.2, 0.8, red);
   Request request;
   const double eye[3] = {0, 0, 0}, back[3] = {0, 0, -1};
-  request.cameras = {axis_camera(32, 24, 30), look_at(32, 24, 30, eye, back)};
+  request.cameras = {axis_camera(32, 24, 30), call_on(32, 24, 30, eye, back)};
   request.add(0, 0);
   request.add(0, 1);
   request.options.max_share = 0.5;
@@ -181,7 +182,7 @@ Request outward(uint32_t count, uint32_t side) {
   for (uint32_t c = 0; c < count; ++c) {
     const double angle = 6.283185307179586 * c / count;
     const double eye[3] = {0, 0, 0}, target[3] = {std::cos(angle), 0, std::sin(angle)};
-    out.cameras.push_back(look_at(side, side, 12 * side, eye, target));
+    out.cameras.push_back(call_on(side, side, 12 * side, eye, target));
   }
   return out;
 }
@@ -226,7 +227,7 @@ TEST(Measure, NeitherHalfSeesAPartAlone) {
   }
   const double eye[3] = {0, 0, 0}, front[3] = {0, 0, 1}, back[3] = {0, 0, -1};
   Request request;
-  request.cameras = {look_at(48, 48, 80, eye, front), look_at(48, 48, 80, eye, back)};
+  request.cameras = {call_on(48, 48, 80, eye, front), call_on(48, 48, 80, eye, back)};
   for (int k = 0; k < 32; ++k) {
     for (uint32_t c = 0; c < 2; ++c) request.add(0.25 + 0.5 * k / 32 + (k % 2), c);
   }
@@ -306,8 +307,8 @@ TEST(Measure, ProgressAndCancelling) {
   request.options.agreement = 2;
   request.options.visibility_all = 1;
   Calls calls;
-  request.progress = note;
-  request.user = &calls;
+  request.options.progress = note;
+  request.options.progress_user = &calls;
   ASSERT_EQ(measure(scene, request).status, L4D_OK);
   EXPECT_EQ(calls.count, 12);
   EXPECT_EQ(calls.total, 12u);
@@ -339,7 +340,7 @@ TEST(Measure, Refusals) {
   bad.cameras[0].fx = 0;
   EXPECT_EQ(refused(bad), L4D_ERR_INVALID_ARGUMENT);
   bad = good;
-  bad.options.max_share = 0;
+  bad.options.max_share = -0.5;
   EXPECT_EQ(refused(bad), L4D_ERR_INVALID_ARGUMENT);
   bad.options.max_share = std::nan("");
   EXPECT_EQ(refused(bad), L4D_ERR_INVALID_ARGUMENT);
@@ -359,19 +360,24 @@ TEST(Measure, Refusals) {
   // No views, and what is NULL.
   const float black[3] = {0, 0, 0};
   r.check(l4d_renderer_set_background(r.get(), black));
-  l4d_sensitivity* out = nullptr;
+  std::vector<float> alpha_t(scene.count());
+  float* weights[L4D_WEIGHT_COUNT] = {};
+  weights[L4D_WEIGHT_ALPHA_T] = alpha_t.data();
   const auto call = [&](const l4d_camera* cameras, const l4d_view* views, uint64_t n,
-                        l4d_sensitivity** to) {
-    return l4d_measure_importance(r.get(), cameras, 3, views, n, nullptr, nullptr, nullptr, nullptr,
-                                  to);
+                        float* const* to, uint64_t count) {
+    return l4d_measure_importance(r.get(), cameras, 3, views, n, nullptr, to, count, nullptr);
   };
   const l4d_camera* cameras = good.cameras.data();
-  EXPECT_EQ(call(cameras, good.views.data(), 0, &out), L4D_ERR_INVALID_ARGUMENT);
-  EXPECT_EQ(call(nullptr, good.views.data(), 3, &out), L4D_ERR_INVALID_ARGUMENT);
-  EXPECT_EQ(call(cameras, nullptr, 3, &out), L4D_ERR_INVALID_ARGUMENT);
-  EXPECT_EQ(call(cameras, good.views.data(), 3, nullptr), L4D_ERR_INVALID_ARGUMENT);
-  EXPECT_EQ(call(cameras, good.views.data(), 3, &out), L4D_OK);
-  l4d_sensitivity_destroy(out);
+  const l4d_view* views = good.views.data();
+  EXPECT_EQ(call(cameras, views, 0, weights, 1000), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(call(nullptr, views, 3, weights, 1000), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(call(cameras, nullptr, 3, weights, 1000), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(call(cameras, views, 3, nullptr, 1000), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(call(cameras, views, 3, weights, 999), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(alpha_t, std::vector<float>(1000, 0.0f));
+  // One kind of weights alone.
+  EXPECT_EQ(call(cameras, views, 3, weights, 1000), L4D_OK);
+  EXPECT_NE(alpha_t, std::vector<float>(1000, 0.0f));
 }
 
 }  // namespace

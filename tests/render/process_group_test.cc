@@ -54,17 +54,15 @@ Weights measure_alone(const io::Scene& scene, const l4d_camera& camera, uint32_t
   r.check(l4d_renderer_set_gaussians(r.get(), &gaussians, &scene.timeline));
   std::vector<l4d_view> views;
   for (int t = 0; t < 24; ++t) views.push_back({t / 20.0, 0, 0});
-  l4d_measure_options options;
-  l4d_measure_options_init(&options);
+  l4d_measure_options options = L4D_INIT(l4d_measure_options);
   options.metric = metric;
   options.agreement = 2;
   options.group = &group;
-  l4d_sensitivity* out = nullptr;
-  r.check(l4d_measure_importance(r.get(), &camera, 1, views.data(), views.size(), &options, nullptr,
-                                 nullptr, nullptr, &out));
-  const SensitivityHandle sums(out, scene.count());
-  Weights weights;
-  for (uint32_t k = 0; k < L4D_WEIGHT_COUNT; ++k) weights.push_back(sums.weights(k));
+  Weights weights(L4D_WEIGHT_COUNT, std::vector<float>(scene.count()));
+  std::vector<float*> to;
+  for (std::vector<float>& w : weights) to.push_back(w.data());
+  r.check(l4d_measure_importance(r.get(), &camera, 1, views.data(), views.size(), &options,
+                                 to.data(), scene.count(), nullptr));
   return weights;
 }
 
@@ -76,8 +74,7 @@ std::vector<Weights> measure_by(const io::Scene& scene, const l4d_camera& camera
   std::vector<std::thread> threads;
   for (uint32_t rank = 0; rank < count; ++rank) {
     threads.emplace_back([&, rank] {
-      l4d_process_group group;
-      l4d_process_group_init(&group);
+      l4d_process_group group = L4D_INIT(l4d_process_group);
       group.rank = rank;
       group.count = count;
       group.user = &meeting;

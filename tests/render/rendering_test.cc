@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a scene asks of renderers (l4d_rendering): each number does what it says, on both CPU paths,
 // and a stream's own are obeyed.
+#include "libl4dcodec/scene/rendering.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,11 +18,7 @@ namespace {
 
 constexpr uint32_t kSide = 41;
 
-l4d_rendering usual() {
-  l4d_rendering r;
-  l4d_rendering_init(&r);
-  return r;
-}
+l4d_rendering usual() { return default_rendering(); }
 
 // One still Gaussian at the origin, of a standard deviation in pixels, seen from z = -4.
 struct OneGaussian {
@@ -29,7 +27,7 @@ struct OneGaussian {
 
   OneGaussian(double sigma_pixels, float opacity) {
     const double eye[3] = {0, 0, -4}, target[3] = {0, 0, 0};
-    camera = look_at(kSide, kSide, 80, eye, target);
+    camera = call_on(kSide, kSide, 80, eye, target);
     const float log_scale = static_cast<float>(std::log(sigma_pixels * 4 / 80));
     scene.sh_degree = 0;
     scene.timeline = {0, 1, 1, 1, 0};
@@ -43,16 +41,14 @@ struct OneGaussian {
 
   // Opacity of the picture.
   std::vector<float> alpha(uint32_t backend, const l4d_rendering* rendering) const {
-    l4d_renderer_options options;
-    l4d_renderer_options_init(&options);
+    l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
     options.backend = backend;
     RendererHandle renderer(&options);
     renderer.set_gaussians(scene.view(), scene.timeline);
     renderer.set_rendering(rendering);
     renderer.set_time(0);
     std::vector<float> out(kSide * kSide);
-    l4d_image image;
-    l4d_image_init(&image);
+    l4d_image image = L4D_INIT(l4d_image);
     image.alpha = out.data();
     EXPECT_EQ(l4d_renderer_render(renderer.get(), &camera, &image), L4D_OK);
     return out;
@@ -143,8 +139,7 @@ TEST_P(Rendering, CompensationKeepsTheLight) {
 }
 
 TEST_P(Rendering, NumbersOutOfRangeAreRefused) {
-  l4d_renderer_options options;
-  l4d_renderer_options_init(&options);
+  l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
   options.backend = GetParam();
   const RendererHandle renderer(&options);
   l4d_rendering r = usual();
@@ -158,8 +153,7 @@ TEST_P(Rendering, NumbersOutOfRangeAreRefused) {
 
 std::vector<float> picture(RendererHandle& renderer, const l4d_camera& camera) {
   std::vector<float> rgb(size_t{3} * camera.width * camera.height);
-  l4d_image image;
-  l4d_image_init(&image);
+  l4d_image image = L4D_INIT(l4d_image);
   image.rgb = rgb.data();
   renderer.set_time(1);
   EXPECT_EQ(l4d_renderer_render(renderer.get(), &camera, &image), L4D_OK);
@@ -177,8 +171,7 @@ TEST(RenderingOfScenes, PathsAgreeAndStreamsAreObeyed) {
   rules[2].min_alpha = 0.2f;
   rules[2].max_alpha = 0.6f;
   rules[3] = {sizeof(l4d_rendering), 1, 2, 0.01f, 0.9f, 1, 0};
-  l4d_renderer_options options;
-  l4d_renderer_options_init(&options);
+  l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
   RendererHandle fast(&options);
   options.backend = L4D_BACKEND_REFERENCE;
   RendererHandle reference(&options);

@@ -18,16 +18,16 @@
 namespace l4d::render {
 
 // Looks from `eye` at `target`; the principal point is the centre of the image.
-inline l4d_camera look_at(uint32_t width, uint32_t height, double focal,
+inline l4d_camera call_on(uint32_t width, uint32_t height, double focal,
                           const double* eye /* [3] */, const double* target /* [3] */) {
-  l4d_camera camera;
-  l4d_camera_init(&camera);
+  l4d_camera camera = L4D_INIT(l4d_camera);
   camera.width = width;
   camera.height = height;
   camera.fx = focal;
   camera.fy = focal;
   camera.cx = 0.5 * width;
   camera.cy = 0.5 * height;
+  camera.near_plane = 0.02;
   const auto normalize = [](double* v) {
     const double norm = std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
     for (int k = 0; k < 3; ++k) v[k] /= norm;
@@ -59,13 +59,13 @@ inline l4d_camera look_at(uint32_t width, uint32_t height, double focal,
 inline l4d_camera ring_camera(uint32_t width, uint32_t height, double angle, double distance = 6) {
   const double eye[3] = {distance * std::cos(angle), -1.5, distance * std::sin(angle)};
   const double target[3] = {0, -0.5, 0};
-  return look_at(width, height, 0.9 * std::max(width, height), eye, target);
+  return call_on(width, height, 0.9 * std::max(width, height), eye, target);
 }
 
 // At the origin, looking along z.
 inline l4d_camera axis_camera(uint32_t width, uint32_t height, double focal) {
   const double eye[3] = {0, 0, 0}, target[3] = {0, 0, 1};
-  l4d_camera camera = look_at(width, height, focal, eye, target);
+  l4d_camera camera = call_on(width, height, focal, eye, target);
   std::fill_n(camera.world_to_camera, 12, 0.0);
   for (int k = 0; k < 3; ++k) camera.world_to_camera[5 * k] = 1;
   return camera;
@@ -138,8 +138,7 @@ class SceneBuilder {
 
 inline RendererHandle make_renderer(uint32_t path, uint32_t threads = 2,
                                     uint32_t exponential = L4D_RENDER_EXP_ACCURATE) {
-  l4d_renderer_options options;
-  l4d_renderer_options_init(&options);
+  l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
   options.backend = path;
   options.threads = threads;
   options.exponential = exponential;
@@ -157,8 +156,7 @@ inline TestImage render_both(const RendererHandle& renderer, const l4d_camera& c
   // Anything the renderer leaves as it is shows.
   out.rgb.assign(3 * pixels, -7.0f);
   out.alpha.assign(pixels, -7.0f);
-  l4d_image image;
-  l4d_image_init(&image);
+  l4d_image image = L4D_INIT(l4d_image);
   image.rgb = out.rgb.data();
   image.alpha = out.alpha.data();
   renderer.check(l4d_renderer_render(renderer.get(), &camera, &image));

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Weights of Gaussians against what they are by definition.
+#include "l4d/experimental/sensitivity.hpp"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -29,7 +31,7 @@ struct TestView {
 l4d_camera small_camera(double angle, uint32_t width = kWidth, uint32_t height = kHeight) {
   const double eye[3] = {5 * std::cos(angle), -0.5, 5 * std::sin(angle)};
   const double target[3] = {0, 0, 0};
-  return look_at(width, height, 1.2 * width, eye, target);
+  return call_on(width, height, 1.2 * width, eye, target);
 }
 
 std::vector<TestView> test_views() {
@@ -70,8 +72,7 @@ RendererHandle renderer_of(const io::Scene& scene, uint32_t path = L4D_BACKEND_C
 
 SensitivityHandle make_sensitivity(const io::Scene& scene, uint32_t metric = L4D_SENSITIVITY_SUM,
                                    uint64_t seed = 0) {
-  l4d_sensitivity_options options;
-  l4d_sensitivity_options_init(&options);
+  l4d_sensitivity_options options = L4D_INIT(l4d_sensitivity_options);
   options.metric = metric;
   options.seed = seed;
   return {&options, scene.count(), scene.sh_degree};
@@ -103,11 +104,6 @@ void expect_close(const std::vector<float>& actual, const std::vector<double>& e
   }
 }
 
-void expect_close(const std::vector<float>& actual, const std::vector<float>& expected,
-                  double relative) {
-  expect_close(actual, std::vector<double>(expected.begin(), expected.end()), relative);
-}
-
 // Derivatives of the sum of pixels of one view, by the double reference.
 struct Derivatives {
   std::vector<float> log_scale, rotor, position, opacity, mean_t;
@@ -121,8 +117,7 @@ struct Derivatives {
 Derivatives derivatives(const io::Scene& scene, const RendererHandle& r, const l4d_camera& camera,
                         const std::vector<float>& gradient) {
   Derivatives out(scene);
-  l4d_gradients g;
-  l4d_gradients_init(&g);
+  l4d_gradients g = L4D_INIT(l4d_gradients);
   g.count = scene.count();
   g.log_scale = out.log_scale.data();
   g.rotor = out.rotor.data();
@@ -268,27 +263,6 @@ TEST(Sensitivity, ShAndCoverage) {
   }
 }
 
-TEST(Sensitivity, MergedIsAllInOne) {
-  const io::Scene scene = test_scene();
-  const std::vector<TestView> views = test_views();
-  RendererHandle r = renderer_of(scene);
-  SensitivityHandle all = make_sensitivity(scene), a = make_sensitivity(scene),
-                    b = make_sensitivity(scene);
-  add_views(all, r, views);
-  add_views(a, r, {views[0], views[2]});
-  add_views(b, r, {views[1], views[3]});
-  a.merge(b);
-  for (uint32_t which = 0; which < L4D_WEIGHT_COUNT; ++which) {
-    expect_close(a.weights(which), all.weights(which), 1e-5);
-    EXPECT_NE(a.weights(which), b.weights(which));
-  }
-  SensitivityHandle other(nullptr, scene.count() + 1, 2), degree(nullptr, scene.count(), 1);
-  SensitivityHandle squared = make_sensitivity(scene, L4D_SENSITIVITY_GAUSS_NEWTON);
-  for (const SensitivityHandle* wrong : {&other, &degree, &squared}) {
-    EXPECT_EQ(l4d_sensitivity_merge(a.get(), wrong->get()), L4D_ERR_INVALID_ARGUMENT);
-  }
-}
-
 TEST(Sensitivity, ThreadsDoNotChangeBits) {
   const io::Scene scene = synth(9000, 2);
   for (const uint32_t metric : {L4D_SENSITIVITY_SUM, L4D_SENSITIVITY_GAUSS_NEWTON}) {
@@ -321,7 +295,7 @@ TEST(Sensitivity, VisibilityOnlyViews) {
   r.set_time(0);
   const double eye[3] = {0, 0, 0}, back[3] = {0, 0, -1};
   const l4d_camera front_camera = axis_camera(32, 24, 30);
-  const l4d_camera back_camera = look_at(32, 24, 30, eye, back);
+  const l4d_camera back_camera = call_on(32, 24, 30, eye, back);
   SensitivityHandle s = make_sensitivity(scene), both = make_sensitivity(scene);
   s.add_view(r, back_camera, true);
   std::vector<float> out(3);
@@ -475,7 +449,7 @@ TEST(Sensitivity, WrongStates) {
   const float grey[3] = {0.5f, 0.5f, 0.5f}, black[3] = {0, 0, 0};
   r.check(l4d_renderer_set_background(r.get(), grey));
   EXPECT_EQ(add(), L4D_ERR_INVALID_STATE);
-  EXPECT_NE(std::string(l4d_renderer_error_message(r.get())).find("background"), std::string::npos);
+  EXPECT_NE(std::string(l4d_last_error_message()).find("background"), std::string::npos);
   r.check(l4d_renderer_set_background(r.get(), black));
   EXPECT_EQ(add(), L4D_OK);
   const io::Scene other = test_scene(1);

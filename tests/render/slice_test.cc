@@ -205,7 +205,7 @@ TEST(Slice, LosslessStreamRendersLikeTheScene) {
   reference.set_decoder(decoder);
   from_scene.set_gaussians(scene.view(), scene.timeline);
   const double eye[3] = {-7, -2, -5}, target[3] = {0, 0, 0};
-  const l4d_camera camera = look_at(150, 101, 120, eye, target);
+  const l4d_camera camera = call_on(150, 101, 120, eye, target);
   for (const double time : {0.0, 1.1, 0.4, 1.99, -5.0, 1e9}) {
     from_stream.set_time(time);
     from_scene.set_time(time);

@@ -19,9 +19,8 @@ std::vector<float> image_of(const RendererHandle& r) {
 std::vector<float> fresh_image(const Bytes& bytes, double time, uint32_t detail) {
   DecoderHandle decoder;
   decoder.open_memory(bytes.data(), bytes.size());
-  decoder.set_detail(detail);
   RendererHandle r;
-  r.set_decoder(decoder);
+  r.set_decoder(decoder, {0, 0, detail, 0});
   r.set_time(time);
   return image_of(r);
 }
@@ -40,7 +39,7 @@ TEST(Stream, InstantsAreThoseOfAFreshRenderer) {
     uint32_t step = 0;
     for (const double time : {0.1, 0.11, 1.7, 0.4, 0.4, 1.9, 0.0}) {
       const uint32_t detail = step >= 5 ? L4D_DETAIL_BASE_COLOR : L4D_DETAIL_FULL;
-      decoder.set_detail(detail);
+      if (step == 5) r.set_decoder(decoder, {0, 0, detail, 0});
       if (step == 3) {  // somebody else uses the decoder, and the renderer shows another scene
         decoder.slice(1.0);
         r.set_gaussians(other.view(), other.timeline);

@@ -38,7 +38,7 @@ void expect_alike(const Bytes& file, bool near) {
   fast.set_decoder(decoder);
   reference.set_decoder(decoder);
   const double eye[3] = {-7, -2, -5}, target[3] = {0, 0, 0};
-  const l4d_camera camera = look_at(90, 61, 70, eye, target);
+  const l4d_camera camera = call_on(90, 61, 70, eye, target);
   for (const double time : {0.0, 0.7, 1.9}) {
     fast.set_time(time);
     reference.set_time(time);

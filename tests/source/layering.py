@@ -47,13 +47,14 @@ _above("libl4dcodec/cuda", "libl4dcodec/base")
 _above("decoder/read", "libl4dcodec/quant")
 _above("decoder/expand", "decoder/read")
 _above("decoder/session", "decoder/expand")
+_above("decoder/playback", "decoder/session")
 _above("decoder/check", "decoder/session")
 _above("decoder/copy", "decoder/session")
 _above("decoder/cuda", "decoder/session", "libl4dcodec/cuda")
 _above("encoder", "decoder/check", "decoder/copy")
 _above("encoder/search/cuda", "encoder", "libl4dcodec/cuda")
 # The roof: it sees both directions, and nothing includes it.
-_above("api", "encoder", "decoder/copy", "decoder/cuda", "encoder/search/cuda")
+_above("api", "encoder", "decoder/copy", "decoder/playback", "decoder/cuda", "encoder/search/cuda")
 # Customers of the public API: of internals they know nothing.
 _above("io", "include/l4d", "libl4dcodec/base/threads.h", "libl4dcodec/base/atomic_file.h")
 # But for what a Gaussian is and looks like: inline functions of public types.
@@ -66,9 +67,11 @@ LAYERS["render/cuda/importance/device_importance.h"] = {"include/l4d", "libl4dco
 _above("render/cuda/scene/device_renderer.h", "render/view/view.h", "render/cuda/frame/image_target.h",
        "render/cuda/importance/device_importance.h")
 _above("render/cuda/player/device_player.h", "libl4dcodec/base", "render/cuda/frame/image_target.h")
+LAYERS["render/cuda/player/resident_buckets.h"] = set()
+_above("render/cuda/player/bucket_feed.h", "libl4dcodec/base", "render/cuda/player/resident_buckets.h")
 _above("render/cuda/scene/device_live.h", "libl4dcodec/base", "render/view/view.h")
 _above("render", "libl4dcodec/math", "libl4dcodec/scene", "render/cuda/scene/device_renderer.h",
-       "render/cuda/player/device_player.h", "render/cuda/scene/device_live.h")
+       "render/cuda/player/device_player.h", "render/cuda/player/bucket_feed.h", "render/cuda/scene/device_live.h")
 _above("render/cuda", "render", "libl4dcodec/cuda")
 # Evaluations: neither command lines nor documents, so that whoever measures can use them.
 _above("eval", "io")
@@ -88,7 +91,7 @@ _above("bench/tables", "eval")
 _above("bench/accuracy", "eval")
 _above("bench/micro", "encoder", "io", "render", "bench/tables")
 _above("bench/gpu", "encoder/search/cuda", "decoder/cuda", "render/cuda", "bench/tables")
-_above("tests", "encoder/search/cuda", "decoder/cuda", "eval", "render/cuda")
+_above("tests", "encoder/search/cuda", "decoder/playback", "decoder/cuda", "eval", "render/cuda")
 _above("tests/api", "include/l4d")
 LAYERS["tests/api"].add("tests/common")
 _above("tests/common", "encoder/search/cuda", "decoder/cuda", "io")
@@ -103,7 +106,7 @@ _above("training/bench", "training/cuda", "bench/gpu")
 OUTSIDE = {
     "l4d_generated.h": {"libl4dcodec/container", "tests", "tests/common"},
     "flatbuffers/": {"libl4dcodec/container", "tests", "tests/common"},
-    "zstd.h": {"libl4dcodec/entropy", "tests", "tests/common", "bench/micro"},
+    "zstd.h": {"libl4dcodec/entropy", "io", "tests", "tests/common", "bench/micro"},
     "xxhash.h": {"libl4dcodec/base", "cli/arrays.cc", "cli/http/file_body.h", "training", "training/tests", "tests",
                  "tests/common"},
     "hwy/": {"libl4dcodec/entropy", "api", "decoder/expand", "encoder", "render", "tests",
@@ -117,6 +120,7 @@ OUTSIDE = {
     "Eigen/": {"encoder", "io", "eval/lpips_stages.cc", "tests", "tests/common", "bench/micro",
                "bench/accuracy", "bench/tables/flat.cc"},
     "png.h": {"io"},
+    "zlib.h": {"io", "tests"},
     "microhttpd.h": {"cli/http/listener.cc"},
     # These two take seconds to compile wherever they are included: the tool sees the parser of command
     # lines through cli/options.h, and JSON through cli/text/json.h.
@@ -133,7 +137,7 @@ OUTSIDE = {
 # files of its own folder and of those before it.
 ORDER = {
     "encoder": ["prepare", "plan", "search", "component", "layer", "file", "", "session"],
-    "io": ["scene", "file", "ply", "image", "camera", "synth"],
+    "io": ["scene", "file", "ply", "formats", "sequence", "image", "camera", "synth"],
     "render": ["view", "frame", "cpu", "cuda", "", "importance", "api"],
     "render/cuda": ["kernel", "store", "frame", "backward", "importance", "scene", "player"],
     "training": ["capture", "model", "density", "step", "images", "init", "cuda", "run", "cli", "tests", "bench"],

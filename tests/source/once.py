@@ -70,7 +70,7 @@ RULES = {
         {"libl4dcodec/scene/slice.h": 1,
          "io/image/metrics.cc": 1,  # the window of SSIM
          "web/view/src/rules.js": 2,  # the text of all shaders: of a Gaussian's time, and of a pixel
-         "web/view/src/sorter.js": 2}),  # which of them are worth sorting
+         "web/view/src/sorter.js": 3}),  # which of them are worth sorting, and meet a ray
     "opacity of a logit: 1 / (1 + exp(-x))": (
         matches(r"\(1\.?0?f?\)? \+ (std::)?expf?\(-|static_cast<T>\(1\) \+ (std::)?exp\(-"),
         {"libl4dcodec/scene/slice.h": 1}),

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "l4d/decode.h"
+#include "l4d/experimental/inspect.h"
 
 namespace {
 
@@ -39,8 +40,7 @@ void print_rows(const char* name, const std::vector<float>& values, size_t i, si
 l4d_status dump(l4d_decoder* decoder, const Bytes& file, const l4d_query& query) {
   l4d_status status = l4d_decoder_open_memory(decoder, file.data(), file.size());
   if (status != L4D_OK) return status;
-  l4d_info info;
-  l4d_info_init(&info);
+  l4d_info info = L4D_INIT(l4d_info);
   status = l4d_decoder_get_info(decoder, &info);
   if (status != L4D_OK) return status;
   const size_t n = static_cast<size_t>(info.num_gaussians);
@@ -49,8 +49,7 @@ l4d_status dump(l4d_decoder* decoder, const Bytes& file, const l4d_query& query)
       sh(sh_dim * n);
   std::vector<double> exact(n);
   std::vector<uint32_t> window(2 * n);
-  l4d_gaussian_buffers out;
-  l4d_gaussian_buffers_init(&out);
+  l4d_gaussian_buffers out = L4D_INIT(l4d_gaussian_buffers);
   out.capacity = n;
   out.position = position.data();
   out.mean_t = mean.data();
@@ -84,8 +83,7 @@ l4d_status dump(l4d_decoder* decoder, const Bytes& file, const l4d_query& query)
 l4d_status measure(l4d_decoder* decoder, const Bytes& file) {
   l4d_status status = l4d_decoder_open_memory(decoder, file.data(), file.size());
   if (status != L4D_OK) return status;
-  l4d_stream_demand c;
-  l4d_stream_demand_init(&c);
+  l4d_stream_demand c = L4D_INIT(l4d_stream_demand);
   c.bytes_per_second = 1000;
   status = l4d_decoder_get_stream_demand(decoder, &c);
   if (status != L4D_OK) return status;
@@ -105,8 +103,7 @@ l4d_status measure(l4d_decoder* decoder, const Bytes& file) {
 }
 
 void validate(const Bytes& file) {
-  l4d_reader reader;
-  l4d_reader_init(&reader);
+  l4d_reader reader = L4D_INIT(l4d_reader);
   reader.user = const_cast<Bytes*>(&file);
   reader.read_at = [](void* user, void* dst, size_t n, uint64_t offset) -> int64_t {
     std::memcpy(dst, static_cast<Bytes*>(user)->data() + offset, n);
@@ -126,14 +123,12 @@ void validate(const Bytes& file) {
 int main(int argc, char** argv) {
   if (argc < 3) return 2;
   const std::string mode = argv[1];
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   options.threads = 2;
   options.backend = mode == "reference" ? L4D_BACKEND_REFERENCE : L4D_BACKEND_CPU;
-  l4d_query query;
-  l4d_query_init(&query);
+  l4d_query query = L4D_INIT(l4d_query);
   if (mode == "base") {
-    query.detail = L4D_DETAIL_BASE_COLOR;
+    query.point.detail = L4D_DETAIL_BASE_COLOR;
   } else if (mode != "reference" && mode != "cpu" && mode != "validate" && mode != "demand") {
     query.kind = L4D_QUERY_TIME;
     query.time_begin = std::stod(mode);
@@ -150,7 +145,7 @@ int main(int argc, char** argv) {
     }
     const l4d_status status =
         mode == "demand" ? measure(decoder, file) : dump(decoder, file, query);
-    if (status != L4D_OK) print_error(status, l4d_decoder_error_message(decoder));
+    if (status != L4D_OK) print_error(status, l4d_last_error_message());
   }
   l4d_decoder_destroy(decoder);
   return 0;

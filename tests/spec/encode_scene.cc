@@ -7,6 +7,7 @@
 
 #include "l4d/decode.h"
 #include "l4d/encode.h"
+#include "l4d/experimental/parameters.h"
 
 int main(int argc, char** argv) {
   if (argc != 3) return 2;
@@ -28,8 +29,7 @@ int main(int argc, char** argv) {
     opacity.push_back(number(i, 16));
     for (unsigned k = 0; k < 12; ++k) sh.push_back(number(i, 17 + k) - 0.5f);
   }
-  l4d_gaussians g;
-  l4d_gaussians_init(&g);
+  l4d_gaussians g = L4D_INIT(l4d_gaussians);
   g.count = kCount;
   g.sh_degree = 1;
   g.position = position.data();
@@ -47,15 +47,14 @@ int main(int argc, char** argv) {
   l4d_status status = l4d_encoder_set_preset(encoder, argv[1]);
   // The packed form is of this profile alone.
   if (status == L4D_OK && std::strcmp(argv[1], "indexed") == 0) {
-    status = l4d_encoder_set(encoder, L4D_ENC_PROFILE, L4D_ALL_COMPONENTS, L4D_PROFILE_INDEXED);
+    status = l4d_encoder_set(encoder, L4D_ENC_PROFILE, L4D_PROFILE_INDEXED);
   }
   if (status == L4D_OK) {
-    status = l4d_encoder_set(encoder, L4D_ENC_CODEBOOK_SIZE, L4D_ALL_COMPONENTS, 64);
+    status = l4d_encoder_set(encoder, L4D_ENC_CODEBOOK_SIZE, 64);
   }
-  if (status == L4D_OK)
-    status = l4d_encoder_set(encoder, L4D_ENC_MERGE_COUNT, L4D_ALL_COMPONENTS, 1);
+  if (status == L4D_OK) status = l4d_encoder_set(encoder, L4D_ENC_MERGE_COUNT, 1);
   if (status == L4D_OK) {
-    status = l4d_encoder_set(encoder, L4D_ENC_MERGE_FRACTION, L4D_ALL_COMPONENTS, 0);
+    status = l4d_encoder_set(encoder, L4D_ENC_MERGE_FRACTION, 0);
   }
   if (status == L4D_OK) status = l4d_encoder_set_scene(encoder, &g, &timeline, nullptr);
   if (status == L4D_OK) status = l4d_encoder_encode_file(encoder, argv[2]);

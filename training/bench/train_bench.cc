@@ -24,7 +24,7 @@
 #include "io/ply/scene_ply.h"
 #include "io/synth/synth.h"
 #include "l4d/cuda.h"
-#include "l4d/cuda_train.h"
+#include "l4d/experimental/cuda_train.h"
 #include "training/cuda/device_model.h"
 #include "training/cuda/loss_device.h"
 #include "training/step/schedule.h"
@@ -74,14 +74,12 @@ class Step {
         scene_, state.value);
     must(model_.load(state, nullptr));
     check(cudaStreamCreate(&stream_));
-    l4d_cuda_renderer_options options;
-    l4d_cuda_renderer_options_init(&options);
+    l4d_cuda_renderer_options options = L4D_INIT(l4d_cuda_renderer_options);
     options.time_passes = timed;
     if (l4d_cuda_live_create(&options, &live_) != L4D_OK) std::exit(1);
     const l4d_gaussians g = model_.gaussians();
     ok(l4d_cuda_live_set_scene(live_, &g, &scene_.timeline, nullptr));
-    l4d_cuda_frame_capacity capacity;
-    l4d_cuda_frame_capacity_init(&capacity);
+    l4d_cuda_frame_capacity capacity = L4D_INIT(l4d_cuda_frame_capacity);
     capacity.width = cameras[0].width;
     capacity.height = cameras[0].height;
     capacity.visible = scene_.count();
@@ -127,8 +125,7 @@ class Step {
     const double share = (k % 97 + 0.5) / 97;
     chosen_.clear();
     for (size_t v = 0; v < views_.size(); ++v) {
-      l4d_cuda_live_view view;
-      l4d_cuda_live_view_init(&view);
+      l4d_cuda_live_view view = L4D_INIT(l4d_cuda_live_view);
       view.camera = &cameras_[(static_cast<size_t>(k) * views_.size() + v) % cameras_.size()];
       view.time = scene_.timeline.time_begin + io::duration(scene_.timeline) * share;
       view.rgb = views_[v]->rgb.get();
@@ -145,11 +142,10 @@ class Step {
     check(cudaMemsetAsync(model_.shown(), 0, scene_.count(), stream_));
     std::vector<l4d_cuda_live_loss> losses(views_.size());
     for (size_t v = 0; v < losses.size(); ++v) {
-      l4d_cuda_live_loss_init(&losses[v]);
+      losses[v] = L4D_INIT(l4d_cuda_live_loss);
       losses[v].rgb_gradient = views_[v]->gradient.get();
     }
-    l4d_cuda_live_statistics statistics;
-    l4d_cuda_live_statistics_init(&statistics);
+    l4d_cuda_live_statistics statistics = L4D_INIT(l4d_cuda_live_statistics);
     statistics.shown = model_.shown();
     const l4d_gradients gradients = model_.gradients();
     ok(l4d_cuda_live_backward(live_, losses.data(), count(), &gradients, &statistics, stream_));
@@ -176,8 +172,7 @@ class Step {
     adam();
   }
   l4d_cuda_live_report report() {
-    l4d_cuda_live_report out;
-    l4d_cuda_live_report_init(&out);
+    l4d_cuda_live_report out = L4D_INIT(l4d_cuda_live_report);
     ok(l4d_cuda_live_copy_report(live_, stream_));
     ok(l4d_cuda_live_get_report(live_, 1, &out));
     return out;
@@ -187,7 +182,7 @@ class Step {
   uint32_t count() const { return static_cast<uint32_t>(views_.size()); }
   void ok(l4d_status status) const {
     if (status == L4D_OK) return;
-    std::fprintf(stderr, "%s\n", l4d_cuda_live_error_message(live_));
+    std::fprintf(stderr, "%s\n", l4d_last_error_message());
     std::exit(1);
   }
   train::DeviceDensityChange& change_of() {

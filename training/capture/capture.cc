@@ -192,11 +192,12 @@ Capture read_layout(const std::string& path, const CaptureOptions& options) {
   if (is("intri.yml") || is("extri.yml")) return read_selfcap_capture(folder, options);
   if (is("dataset.json")) return read_hypernerf_capture(folder, options);
   if (is_folder && is_there(place / "sparse" / "0")) return read_colmap_capture(path, options);
+  if (is("transforms.json")) return read_dnerf_capture(folder, options);
   throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
               path +
                   ": no layout of captures that is known: none of cameras.json, "
-                  "poses_bounds.npy, transforms_train.json, intri.yml, dataset.json and sparse/0 "
-                  "is there");
+                  "poses_bounds.npy, transforms_train.json, transforms.json, intri.yml, "
+                  "dataset.json and sparse/0 is there");
 }
 
 }  // namespace

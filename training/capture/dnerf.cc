@@ -9,7 +9,8 @@
 #include "training/capture/capture.h"
 #include "training/capture/tolerance.h"
 
-// D-NeRF: transforms_train.json and transforms_test.json, an image and a camera for each frame.
+// transforms.json of nerfstudio and instant-ngp, or D-NeRF's transforms_train.json and
+// transforms_test.json: an image and a camera for each frame.
 namespace l4d::train {
 namespace {
 
@@ -45,10 +46,15 @@ class DnerfReader {
 
   Capture read() {
     capture_.layout = "dnerf";
-    const bool has_test = fs::exists(fs::path(folder_) / "transforms_test.json");
     // Test images first: what is in both files is for tests.
-    if (has_test) add("test");
-    add("train");
+    const auto is_there = [&](const char* file) { return fs::exists(fs::path(folder_) / file); };
+    if (!is_there("transforms_train.json")) {
+      capture_.layout = "transforms";
+      add("transforms.json");
+    } else {
+      if (is_there("transforms_test.json")) add("transforms_test.json");
+      add("transforms_train.json");
+    }
     std::vector<double> times;
     for (const CaptureView& view : capture_.views) times.push_back(view.time);
     capture_.fps = options_.fps > 0 ? options_.fps : fps_of(times);
@@ -74,7 +80,7 @@ class DnerfReader {
   }
 
  private:
-  uint32_t camera_index(const io::Camera& source, const char* split) {
+  uint32_t camera_index(const io::Camera& source) {
     for (uint32_t k = 0; k < capture_.cameras.size(); ++k) {
       if (same_camera(capture_.cameras[k].source.camera, source.camera)) return k;
     }
@@ -82,15 +88,20 @@ class DnerfReader {
     camera.source = source;
     camera.source.id = static_cast<int>(capture_.cameras.size());
     camera.name = "camera " + std::to_string(camera.source.id);
-    camera.split = split;
+    camera.split = source.split;
     capture_.cameras.push_back(std::move(camera));
     return static_cast<uint32_t>(capture_.cameras.size() - 1);
   }
 
-  void add(const char* split) {
-    const std::string file =
-        (fs::path(folder_) / (std::string("transforms_") + split + ".json")).string();
+  void add(const char* name) {
+    const std::string file = (fs::path(folder_) / name).string();
     const io::CameraSet set = io::read_cameras(file, options_.any_path, options_.holder);
+    for (const std::string& note : set.notes) {
+      const auto& notes = capture_.notes;
+      if (std::find(notes.begin(), notes.end(), note) == notes.end()) {
+        capture_.notes.push_back(note);
+      }
+    }
     for (const io::Camera& source : set.cameras) {
       io::require_inside(set, source);
       if (options_.tolerant) {
@@ -100,8 +111,8 @@ class DnerfReader {
           continue;
         }
       }
-      const uint32_t index = camera_index(source, split);
-      if (capture_.cameras[index].split != split) {
+      const uint32_t index = camera_index(source);
+      if (capture_.cameras[index].split != source.split) {
         ++repeated_;
         continue;
       }

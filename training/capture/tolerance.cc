@@ -10,9 +10,9 @@ namespace l4d::train {
 namespace {
 
 constexpr size_t kMaxNamed = 10;
-constexpr uint8_t kBegin[16] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n',
-                                0,    0,   0,   13,  'I',  'H',  'D',  'R'};
-constexpr uint8_t kEnd[12] = {0, 0, 0, 0, 'I', 'E', 'N', 'D', 0xae, 0x42, 0x60, 0x82};
+constexpr uint8_t kPngBegin[16] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n',
+                                   0,    0,   0,   13,  'I',  'H',  'D',  'R'};
+constexpr uint8_t kPngEnd[12] = {0, 0, 0, 0, 'I', 'E', 'N', 'D', 0xae, 0x42, 0x60, 0x82};
 
 uint32_t big_endian(const uint8_t* bytes) {
   return uint32_t{bytes[0]} << 24 | uint32_t{bytes[1]} << 16 | uint32_t{bytes[2]} << 8 | bytes[3];
@@ -25,12 +25,12 @@ std::string trouble_of_image(const std::string& path, const l4d_camera& camera) 
   if (!file) return "cannot open " + path;
   uint8_t begin[24], end[12];
   if (std::fread(begin, 1, sizeof(begin), file.get()) != sizeof(begin) ||
-      !std::equal(std::begin(kBegin), std::end(kBegin), begin)) {
+      !std::equal(std::begin(kPngBegin), std::end(kPngBegin), begin)) {
     return path + " is no PNG";
   }
   if (std::fseek(file.get(), -static_cast<long>(sizeof(end)), SEEK_END) != 0 ||
       std::fread(end, 1, sizeof(end), file.get()) != sizeof(end) ||
-      !std::equal(std::begin(kEnd), std::end(kEnd), end)) {
+      !std::equal(std::begin(kPngEnd), std::end(kPngEnd), end)) {
     return path + " is cut off";
   }
   const uint32_t width = big_endian(begin + 16), height = big_endian(begin + 20);

@@ -69,7 +69,7 @@ void decode_all(const std::string& path, const io::Camera& camera, uint32_t fram
 }
 
 // Frames of the camera, its frame rate, and what ends it; checks what needs no decoding.
-uint32_t look_at(const std::string& path, const io::Camera& camera, const io::CameraSet& set,
+uint32_t call_on(const std::string& path, const io::Camera& camera, const io::CameraSet& set,
                  bool tolerant, double* fps, std::string* end) {
   const uint32_t most = set.frames != 0 ? set.frames : UINT32_MAX;
   if (tolerant && !camera.mask.empty()) {
@@ -126,7 +126,7 @@ Capture make_video_capture(const std::string& path, const io::CameraSet& set,
     camera.split = source.split;
     std::string end;
     try {
-      camera.frames = look_at(path, source, set, options.tolerant, &video_fps, &end);
+      camera.frames = call_on(path, source, set, options.tolerant, &video_fps, &end);
     } catch (const Error& error) {
       if (!options.tolerant) throw;
       left_out.add(error.what());

@@ -189,7 +189,7 @@ struct Arguments {
   std::string folder;  // of a run that is evaluated, or for a capture that is rendered
   std::string moved;   // the capture of a run that is evaluated, where it is elsewhere now
   std::string scene;   // that a capture is rendered of
-  std::string size = "320x240";
+  std::string size = "320x240", cameras = "16";
   RenderCaptureOptions capture;
   bool json = false, quiet = false;
 };
@@ -359,10 +359,15 @@ void add_capture(CLI::App& app, Arguments& a) {
       app.add_subcommand("capture", "Render a scene as a capture, whose truth is then known");
   verb->add_option("scene", a.scene, "PLY of a scene, as `l4dcodec synth` makes")->required();
   verb->add_option("-o,--output", a.folder, "Folder for the capture")->required();
-  verb->add_option("--cameras", a.capture.cameras,
-                   "Cameras around the scene; the first and every 8th after it test")
+  verb->add_option("--cameras", a.cameras,
+                   "Number of cameras around the scene, or a file of them, as `l4dcodec cameras` "
+                   "makes; the first and every 8th after it test, unless the file names others")
       ->capture_default_str();
-  verb->add_option("--size", a.size, "Pixels of images: 320x240")->capture_default_str();
+  verb->add_option("--size", a.size, "Pixels of images of cameras around the scene: 320x240")
+      ->capture_default_str();
+  verb->add_option("--points", a.capture.points,
+                   "Also write points.ply, so many points on what training cameras see, each off "
+                   "by a pixel (none)");
   verb->add_option("--first", a.capture.first_frame, "First frame")->capture_default_str();
   verb->add_option("--frames", a.capture.frames, "Number of frames (all)")->check(above_zero);
   verb->add_option("--format", a.capture.format, "png, mp4")->capture_default_str();
@@ -371,16 +376,21 @@ void add_capture(CLI::App& app, Arguments& a) {
 
 int run_capture(Arguments& a) {
   char rest = 0;
-  if (std::sscanf(a.size.c_str(), "%ux%u%c", &a.capture.width, &a.capture.height, &rest) != 2 ||
-      a.capture.width < 1 || a.capture.height < 1 || a.capture.width > L4D_MAX_IMAGE_SIDE ||
-      a.capture.height > L4D_MAX_IMAGE_SIDE || a.capture.cameras < 1 || a.capture.cameras > 1000) {
+  RenderCaptureOptions& capture = a.capture;
+  const bool is_number = a.cameras.find_first_not_of("0123456789") == std::string::npos;
+  if (!is_number) capture.camera_file = a.cameras;
+  if (std::sscanf(a.size.c_str(), "%ux%u%c", &capture.width, &capture.height, &rest) != 2 ||
+      capture.width < 1 || capture.height < 1 || capture.width > L4D_MAX_IMAGE_SIDE ||
+      capture.height > L4D_MAX_IMAGE_SIDE ||
+      (is_number && (std::sscanf(a.cameras.c_str(), "%u", &capture.cameras) != 1 ||
+                     capture.cameras < 1 || capture.cameras > 1000))) {
     throw io::Error(L4D_ERR_INVALID_ARGUMENT,
-                    "--size must be like 320x240, and --cameras 1 to 1000");
+                    "--size must be like 320x240, and --cameras 1 to 1000, or a file");
   }
-  a.capture.threads = a.run.threads;
+  capture.threads = a.run.threads;
   const io::Scene scene = io::read_scene_ply(a.scene);
-  render_capture(a.folder, scene, a.capture);
-  if (!a.quiet) std::printf("%s: %u cameras\n", a.folder.c_str(), a.capture.cameras);
+  const uint32_t cameras = render_capture(a.folder, scene, capture);
+  if (!a.quiet) std::printf("%s: %u cameras\n", a.folder.c_str(), cameras);
   return kExitOk;
 }
 

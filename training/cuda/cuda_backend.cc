@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "l4d/cuda.h"
-#include "l4d/cuda_train.h"
+#include "l4d/experimental/cuda_train.h"
 #include "l4d/l4d.hpp"
 #include "training/cuda/device_exchange.h"
 #include "training/cuda/device_model.h"
@@ -18,7 +18,7 @@ namespace {
 
 constexpr uint64_t kFirstInstances = 1u << 20;
 constexpr double kGrowth = 1.5;  // of what a view needs, where capacity lacks
-// What a live scene allocates (include/l4d/cuda_train.h).
+// What a live scene allocates (include/l4d/experimental/cuda_train.h).
 constexpr uint64_t kLiveBytesOfRow = 84, kViewBytesOfRow = 136, kBytesOfInstance = 68;
 constexpr int kEvents = kStages + 1;
 
@@ -55,8 +55,7 @@ class CudaBackend final : public PhasedBackend {
  public:
   // sharing: back ends of the device, which share its memory.
   CudaBackend(uint32_t device, uint64_t sharing) : device_(static_cast<int>(device)) {
-    l4d_cuda_renderer_options options;
-    l4d_cuda_renderer_options_init(&options);
+    l4d_cuda_renderer_options options = L4D_INIT(l4d_cuda_renderer_options);
     options.device = device;
     l4d_cuda_live* live = nullptr;
     const l4d_status status = l4d_cuda_live_create(&options, &live);
@@ -89,8 +88,7 @@ class CudaBackend final : public PhasedBackend {
     timeline_ = timeline;
     check(model_.load(state, stream_));
     const l4d_gaussians gaussians = model_.gaussians();
-    l4d_cuda_live_rows rows;
-    l4d_cuda_live_rows_init(&rows);
+    l4d_cuda_live_rows rows = L4D_INIT(l4d_cuda_live_rows);
     rows.count = &numbers_.as<StepNumbers>()->count;
     rows.overflow = &counts()->stop;
     check_live(l4d_cuda_live_set_scene(live(), &gaussians, &timeline_, &rows));
@@ -156,7 +154,7 @@ class CudaBackend final : public PhasedBackend {
   void use() { check_cuda(cudaSetDevice(device_), "selecting the device"); }
   l4d_cuda_live* live() const { return live_.get(); }
   void check_live(l4d_status status) const {
-    if (status != L4D_OK) throw Error(status, l4d_cuda_live_error_message(live()));
+    if (status != L4D_OK) throw Error(status, l4d_last_error_message());
   }
   StepCounts* counts() const { return counts_.as<StepCounts>(); }
   void mark(int event) { check_cuda(cudaEventRecord(events_[event], stream_), "recording"); }
@@ -205,8 +203,7 @@ void CudaBackend::reserve(const StepInput& input, ViewRange range, uint64_t inst
   }
   if (width == width_ && height == height_ && count == num_views_ && instances == instances_)
     return;
-  l4d_cuda_frame_capacity capacity;
-  l4d_cuda_frame_capacity_init(&capacity);
+  l4d_cuda_frame_capacity capacity = L4D_INIT(l4d_cuda_frame_capacity);
   capacity.width = width;
   capacity.height = height;
   capacity.visible = std::max<uint64_t>(model_.capacity(), 1);
@@ -246,7 +243,7 @@ std::vector<l4d_cuda_live_view> CudaBackend::live_views(const StepInput& input,
                                                         ViewRange range) const {
   std::vector<l4d_cuda_live_view> out(range.count());
   for (size_t v = 0; v < out.size(); ++v) {
-    l4d_cuda_live_view_init(&out[v]);
+    out[v] = L4D_INIT(l4d_cuda_live_view);
     out[v].camera = &input.views[range.begin + v].camera;
     out[v].time = input.time;
     std::copy_n(input.background, 3, out[v].background);
@@ -299,8 +296,7 @@ void CudaBackend::clear_sums(const StepInput& input) {
 }
 
 l4d_cuda_live_statistics CudaBackend::statistics(const StepInput& input) const {
-  l4d_cuda_live_statistics statistics;
-  l4d_cuda_live_statistics_init(&statistics);
+  l4d_cuda_live_statistics statistics = L4D_INIT(l4d_cuda_live_statistics);
   statistics.shown = model_.shown();
   statistics.coverage = input.measure ? model_.coverage() : nullptr;
   statistics.error_coverage = input.measure ? model_.error_coverage() : nullptr;
@@ -323,7 +319,7 @@ void CudaBackend::launch_views(const StepInput& input, ViewRange range) {
   mark(kLoss + 1);
   std::vector<l4d_cuda_live_loss> losses(batch.count);
   for (size_t v = 0; v < losses.size(); ++v) {
-    l4d_cuda_live_loss_init(&losses[v]);
+    losses[v] = L4D_INIT(l4d_cuda_live_loss);
     losses[v].rgb_gradient = batch.views[v].rgb_gradient;
     losses[v].error = batch.views[v].error;
   }
@@ -420,8 +416,7 @@ bool CudaBackend::finish(const StepInput& input, ViewRange range, StepOutput* ou
   if (stopped) check(model_.clear_gradients(stream_));
   has_sums_ = false;
   if (range.count() > 0) {
-    l4d_cuda_live_report report;
-    l4d_cuda_live_report_init(&report);
+    l4d_cuda_live_report report = L4D_INIT(l4d_cuda_live_report);
     check_live(l4d_cuda_live_get_report(live(), 1, &report));
     if (report.required_instances > instances_) {
       const double wanted = kGrowth * static_cast<double>(report.required_instances);
@@ -488,8 +483,7 @@ io::Image CudaBackend::render(const l4d_camera& camera, double time, const float
                                cudaMemcpyDeviceToHost, stream_),
                "reading an image");
     check_cuda(cudaStreamSynchronize(stream_), "rendering");
-    l4d_cuda_live_report report;
-    l4d_cuda_live_report_init(&report);
+    l4d_cuda_live_report report = L4D_INIT(l4d_cuda_live_report);
     check_live(l4d_cuda_live_get_report(live(), 1, &report));
     if (report.required_instances <= instances_) return image;
     reserve(input, range,
@@ -539,8 +533,7 @@ BackendMemory CudaBackend::memory() const {
 }  // namespace
 
 bool has_cuda_backend() {
-  l4d_cuda_device_info info;
-  l4d_cuda_device_info_init(&info);
+  l4d_cuda_device_info info = L4D_INIT(l4d_cuda_device_info);
   return l4d_cuda_get_device_info(0, &info) == L4D_OK && info.usable != 0;
 }
 

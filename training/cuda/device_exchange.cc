@@ -247,11 +247,9 @@ Status check_devices(const std::vector<uint32_t>& devices) {
   if (devices.empty() || devices.size() > kMaxMembers) {
     return {L4D_ERR_INVALID_ARGUMENT, "a training takes 1 to 8 devices"};
   }
-  l4d_cuda_device_info first;
-  l4d_cuda_device_info_init(&first);
+  l4d_cuda_device_info first = L4D_INIT(l4d_cuda_device_info);
   for (const uint32_t device : devices) {
-    l4d_cuda_device_info info;
-    l4d_cuda_device_info_init(&info);
+    l4d_cuda_device_info info = L4D_INIT(l4d_cuda_device_info);
     if (l4d_cuda_get_device_info(device, &info) != L4D_OK) {
       return {L4D_ERR_DEVICE, "there is no device " + std::to_string(device)};
     }

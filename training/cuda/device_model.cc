@@ -380,8 +380,7 @@ l4d_gaussians DeviceModel::gaussians() const {
 
 l4d_gradients DeviceModel::gradients() const {
   const Rows<float> derivatives = rows(kGradient);
-  l4d_gradients g;
-  l4d_gradients_init(&g);
+  l4d_gradients g = L4D_INIT(l4d_gradients);
   g.count = capacity_;
   for_each_attribute([](const AttributeInfo&, float* from, float*& to) { to = from; }, derivatives,
                      g);

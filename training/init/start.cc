@@ -17,7 +17,9 @@ using io::Error;
 
 constexpr float kStartOpacity = 0.1f;
 constexpr float kDc = static_cast<float>(sh_constant::k0);
-constexpr double kMinScale = 1e-4, kMaxScale = 0.05;           // of the radius
+constexpr double kMinScale = 1e-4, kMaxScale = 0.05;  // of the radius
+// Points farther from the cameras than so many radii, as of the sky, may be larger in proportion.
+constexpr double kFar = 2;
 constexpr float kSpatialNoise = 0.1f, kTemporalNoise = 1e-3f;  // of rotors
 
 // Uniform in the ball of radius 1 (shell: between radii `low` and `high`).
@@ -160,8 +162,12 @@ ModelState start_model(const Capture& capture, const std::vector<Point>& points,
   for (size_t i = 0; i < n; ++i) {
     const Point& p = points[order[i]];
     const Random4 r = philox(options.seed, 3, i, Use::kStart);
+    double away = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      away += std::pow(static_cast<double>(p.position[c]) - frame.center[c], 2);
+    }
     const double scale = std::clamp(static_cast<double>(distance[i]), kMinScale * frame.radius,
-                                    kMaxScale * frame.radius);
+                                    kMaxScale * std::max(frame.radius, std::sqrt(away) / kFar));
     for (size_t c = 0; c < 3; ++c) {
       state.value.log_scale[4 * i + c] = static_cast<float>(std::log(scale));
     }

@@ -29,12 +29,11 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 using io::Error;
 
-constexpr uint64_t kLogEvery = 100;       // steps
-constexpr double kScores = 10;            // while training
-constexpr size_t kSampleViews = 12;       // of each split, for them
-constexpr uint32_t kScoredInstants = 15;  // at the end
-constexpr uint32_t kMinSize = 8;          // pixels a side of images that are scaled
-constexpr uint64_t kMinStart = 120000;    // Gaussians to begin with
+constexpr uint64_t kLogEvery = 100;     // steps
+constexpr double kScores = 10;          // while training
+constexpr size_t kSampleViews = 12;     // of each split, for them
+constexpr uint32_t kMinSize = 8;        // pixels a side of images that are scaled
+constexpr uint64_t kMinStart = 120000;  // Gaussians to begin with
 // s: of the temporal standard deviations of random points, where a part of the model is away. Those
 // of a longer life would be in the back end all the time.
 constexpr double kLongestLife = 10;
@@ -576,13 +575,13 @@ class Run {
 
   void encode(const io::Scene& scene, RunReport* report) {
     observer_->update(0, 0, "measuring the importance of Gaussians");
-    const io::Weights weights =
-        measure_weights(scene, capture_, *loader_, options_.threads, settings_.seed);
+    const io::Weights weights = measure_weights(
+        scene, capture_, *loader_, rendering_of(settings_, options_.threads), settings_.seed);
     io::write_weights_ply(file("weights.ply"), weights);
     observer_->update(0, 0, "encoding");
     const std::string stream = file("scene.l4d");
     report->stream_bytes = encode_scene(stream, scene, weights, options_.preset, options_.threads);
-    StreamViews views(stream, capture_, *loader_, options_.threads);
+    StreamViews views(stream, capture_, *loader_, rendering_of(settings_, options_.threads));
     const auto render = [&](uint32_t view) { return views.render(view); };
     const Sample& sample = test_sample_->empty() ? *train_sample_ : *test_sample_;
     io::write_png(file("stream.png"), sample.beside(trainer_.get(), render));

@@ -54,8 +54,7 @@ class StageClock {
 };
 
 l4d_gradients gradients_of(AttributeArrays* arrays, uint64_t count) {
-  l4d_gradients g;
-  l4d_gradients_init(&g);
+  l4d_gradients g = L4D_INIT(l4d_gradients);
   g.count = count;
   for_each_attribute(
       [](const AttributeInfo&, std::vector<float>& from, float*& to) { to = from.data(); }, *arrays,
@@ -220,8 +219,7 @@ class CpuBackend final : public PhasedBackend {
     make_slots(1);
     l4d_renderer* renderer = prepare(slots_[0].get(), time, background);
     io::Image image(camera.width, camera.height);
-    l4d_image out;
-    l4d_image_init(&out);
+    l4d_image out = L4D_INIT(l4d_image);
     out.rgb = image.rgb.data();
     slots_[0]->renderer.check(l4d_renderer_render(renderer, &camera, &out));
     return image;
@@ -261,8 +259,7 @@ class CpuBackend final : public PhasedBackend {
 
   void make_slots(size_t views) {
     while (slots_.size() < views) {
-      l4d_renderer_options options;
-      l4d_renderer_options_init(&options);
+      l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
       const int share = threads_ / static_cast<int>(std::max<size_t>(views, 1));
       options.threads = static_cast<uint32_t>(std::max(1, share));
       options.max_memory_bytes = renderer_memory_;
@@ -345,8 +342,7 @@ class CpuBackend final : public PhasedBackend {
       slot->rgb_gradient[3 * i + 2] = 0;
     }
     slot->measured.assign(slot->gradient.sh.size(), 0);
-    l4d_gradients gradients;
-    l4d_gradients_init(&gradients);
+    l4d_gradients gradients = L4D_INIT(l4d_gradients);
     gradients.count = state_.count;
     gradients.sh = slot->measured.data();
     slot->renderer.check(

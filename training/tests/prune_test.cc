@@ -28,7 +28,8 @@ TEST(Prune, PredictsWhatImagesLose) {
   const ModelState model = model_of(test::tiny_truth());
   std::vector<uint32_t> views;
   for (uint32_t k = 0; k < capture.views.size(); k += 5) views.push_back(k);
-  const std::vector<float> loss = loss_without(model, capture, loader, views, 3);
+  const std::vector<float> loss =
+      loss_without(model, capture, loader, views, rendering_of({}, 1), 3);
   ASSERT_EQ(loss.size(), model.count);
   const auto error_without = [&](const std::vector<float>& values) {
     const std::unique_ptr<Backend> whole = make_cpu_backend(1), part = make_cpu_backend(1);
@@ -58,7 +59,7 @@ TEST(Prune, AsksTheEncoder) {
   const Capture capture = read_capture(test::tiny_capture(), {});
   const ImageLoader loader(capture, 1);
   io::Scene scene = scene_of(model_of(test::tiny_truth()), capture.timeline());
-  const io::Weights weights = measure_weights(scene, capture, loader, 1, 0);
+  const io::Weights weights = measure_weights(scene, capture, loader, rendering_of({}, 1), 0);
   const std::vector<uint8_t> small = worth_their_bits(scene, weights, "small", 1);
   const std::vector<uint8_t> tiny = worth_their_bits(scene, weights, "tiny", 1);
   ASSERT_EQ(small.size(), scene.count());

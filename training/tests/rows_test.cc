@@ -394,13 +394,14 @@ TEST(GradientDensity, ClonesSplitsAndRemoves) {
 // Against differences of where a mean is in the image.
 TEST(GradientDensity, KnowsTheScreen) {
   l4d_camera camera{};
-  l4d_camera_init(&camera);
+  camera = L4D_INIT(l4d_camera);
   camera.width = 640;
   camera.height = 480;
   camera.fx = 500;
   camera.fy = 450;
   camera.cx = 320;
   camera.cy = 240;
+  camera.near_plane = 0.02;
   const double world_to_camera[12] = {0, 1, 0, 0.3, -0.6, 0, 0.8, -0.2, 0.8, 0, 0.6, 3};
   std::copy_n(world_to_camera, 12, camera.world_to_camera);
   const double mean[3] = {0.4, -0.3, 0.7};

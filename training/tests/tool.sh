@@ -60,6 +60,25 @@ for size in 33x24 64x47 33x25; do
   [ ! -e odd ] || die "a capture that is refused leaves a folder"
 done
 expect 0 "2 cameras" capture truth.ply -o odd --cameras 2 --frames 1 --size 33x25
+# Cameras of a file, with their tests; and points on what the others see in the middle.
+"$codec" cameras truth.ply --grid 3x1 --size 40x30 -o rig.json -q
+expect 0 "3 cameras" capture truth.ply -o rig --cameras rig.json --frames 4 --points 50
+expect 0 "test +cameras 1" inspect rig
+[ "$(sed -n 's/^element vertex //p' rig/points.ply)" = 50 ] || die "not 50 points"
+"$python" - rig/points.ply rig/cameras.json << 'END'
+import json, sys
+rows = [[float(x) for x in line.split()] for line in open(sys.argv[1]).read().split("end_header\n")[1].splitlines()]
+camera = json.load(open(sys.argv[2]))["cameras"][0]
+seen = 0
+for x, y, z, *_, t in rows:
+    u, v, w = (sum(r[k] * p for k, p in enumerate((x, y, z))) + r[3] for r in camera["w2c"][:3])
+    k = camera["K"]
+    seen += w > 0 and abs(k[0][0] * u / w) < 1.2 * k[0][2] and abs(k[1][1] * v / w) < 1.2 * k[1][2]
+    assert abs(t - 0.2) < 1e-6, t
+assert seen > 0.8 * len(rows), seen
+END
+expect 0 "" train rig --init rig/points.ply -o pointed --gaussians 100 --sh-degree 0 --steps 3
+expect 3 "cannot" capture truth.ply -o none --cameras none.json
 [ "$(cat capture/cameras.json whole/scene.ply | cksum)" = "$before" ] || die "an input was replaced"
 
 # A contact sheet is a .png, and no file of the capture under any name; it replaces an older one.

@@ -5,9 +5,9 @@
 // `npm install webgpu` has put Dawn's bindings.
 import {createRequire} from 'node:module';
 import {readFileSync} from 'node:fs';
-import {compile, Decoder} from '../core/src/decoder.js';
-import {ByteStore} from '../core/src/store.js';
+import {compile} from '../core/src/decoder.js';
 import {frameOfTime} from '../core/src/timeline.js';
+import {decoderAt} from '../test/at-hand.js';
 import {OrbitCamera} from '../view/src/camera.js';
 import {GpuPainter} from '../view/src/webgpu/painter.js';
 import {bufferUsage, mapRead, textureUsage} from '../view/src/webgpu/usage.js';
@@ -83,15 +83,12 @@ const measure = async (count, width, height, frames) => {
 
 /** A picture against that of the tool. */
 const compare = async (file, at, cameras, id, wanted) => {
-  const bytes = readFileSync(file);
-  const store = new ByteStore();
-  store.size = bytes.length;
-  store.supply(0, bytes);
-  const decoder = await Decoder.create(await compile(readFileSync(new URL('../../build/wasm/bin/l4d.wasm', import.meta.url))), store);
-  decoder.open();
+  const wasm = await compile(readFileSync(new URL('../../build/wasm/bin/l4d.wasm', import.meta.url)));
+  const {decoder, loads} = await decoderAt(wasm, readFileSync(file), 0, {at});
+  decoder.select(0);
   const info = decoder.info();
   const painter = painterOf(640, 360, 2 ** 20, info.shDegree);
-  for (const b of decoder.buckets(at, at)) {
+  for (const b of loads) {
     painter.store.add(/** @type {any} */ ({...decoder.rows(b.layer, b.bucket, 0), stream: 0, key: `${b.layer}/${b.bucket}`}));
   }
   const {K, w2c} = JSON.parse(readFileSync(cameras).toString()).cameras.find(c => c.id === id);

@@ -4,7 +4,7 @@
 import assert from 'node:assert/strict';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
-import {launch, newPage, opened, serve, work} from './browser.js';
+import {launch, opened, pageWith, serve, work} from './browser.js';
 
 let browser, server;
 before(async () => {
@@ -17,26 +17,8 @@ after(async () => {
   server?.close();
 });
 
-/**
- * Runs fn with a page.
- * @param {string} body @param {(page: any) => Promise<void>} fn
- * @param {{hash?: string, headers?: Record<string, string>, size?: [number, number], script?: string, errors?: RegExp}} [options]
- *   errors: what the page may complain of
- */
-const withPage = async (body, fn, {hash = '', headers = {}, size = [480, 270], script = 'player.js', errors} = {}) => {
-  const page = await newPage(browser, {viewport: {width: size[0], height: size[1]}});
-  try {
-    await page.route('**/page.html', route => route.fulfill({
-      contentType: 'text/html', headers: {'content-type': 'text/html', ...headers},
-      body: `<!doctype html><body>${body}${script && `<script type="module" src="${script}"></script>`}`
-    }));
-    await page.goto(`${server.url}page.html${hash}`);
-    await fn(page);
-    assert.deepEqual(page.errors.filter(error => !errors?.test(error)), []);
-  } finally {
-    await page.close();
-  }
-};
+/** As pageWith() of browser.js. @param {string} body @param {(page: any) => Promise<void>} fn @param {any} [options] */
+const withPage = (body, fn, options) => pageWith(browser, server, body, fn, options);
 
 const policy = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; connect-src 'self'";
 

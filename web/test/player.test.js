@@ -103,9 +103,17 @@ test('streams that follow each other: no picture at a border is empty while it p
   const found = await inPlayer(page, async player => {
     const {view, movie} = player;
     const spans = [];
+    Object.assign(player.style, {width: '160px', height: '90px'});
     movie.pause();
-    await movie.seek(0.8);
+    await movie.seek(0.9);
     await view.settled();
+    // Where a picture takes long, the movie goes slowly, so that there are some beside each border.
+    const began = performance.now();
+    for (let k = 0; k < 3; ++k) {
+      view.change();
+      await view.settled();
+    }
+    movie.rate = Math.min(Math.max(0.05 * 3000 / (performance.now() - began), 0.01), 1);
     movie.on('span', span => spans.push(span.begin));
     // Each picture shows the streams that its order has Gaussians of.
     const {painter} = view;
@@ -122,10 +130,12 @@ test('streams that follow each other: no picture at a border is empty while it p
       const ordered = [...painter.store.buckets.values()].filter(b => b.lines.some(line => lines.has(line))).map(b => b.stream);
       if (lines.size > 0) pictures.push({shown, ordered: [...new Set(ordered)]});
     };
-    // Not later, as on a busy machine: there it would be another span.
-    movie.on('time', time => { if (time >= 3.2) movie.pause(); });
-    movie.play();
-    await until(() => movie.paused, '3.2 s');
+    for (const border of [1, 2, 3]) {
+      await movie.seek(border - 0.1);
+      movie.play();
+      for (let k = 0; k < 4000 && movie.currentTime < border + 0.1; ++k) await new Promise(r => setTimeout(r, 25));
+      movie.pause();
+    }
     return {pictures, spans};
   });
   assert.deepEqual(found.spans, [1, 2, 3]);
@@ -199,18 +209,27 @@ test('a recording is followed while it grows, and to its end', async () => {
   }
 });
 
-test('the timeline scrubs by mouse, in base colours while it is dragged', () => withPlayer(async page => {
+test('the timeline scrubs by mouse, and ends where it is let go', () => withPlayer(async page => {
   const box = await page.locator('l4d-player .track input').boundingBox();
   const y = box.y + box.height / 2;
+  await inPlayer(page, player => {
+    globalThis.seeks = [];
+    const {movie} = player;
+    const seek = movie.seek.bind(movie);
+    movie.seek = (time, options) => {
+      globalThis.seeks.push(options.tolerance > 0);
+      return seek(time, options);
+    };
+  });
   await page.mouse.move(box.x + box.width * 0.25, y);
   await page.mouse.down();
   await page.mouse.move(box.x + box.width * 0.75, y, {steps: 4});
-  assert.equal(await inPlayer(page, player => player.movie.detail), 'base');
+  await page.waitForFunction(() => document.querySelector('l4d-player').movie.currentTime > 2.5);
   await page.mouse.up();
-  const [time, detail, hover] = await inPlayer(page, player => [
-    player.movie.currentTime, player.movie.detail, player.shadowRoot.querySelector('.hover').textContent]);
+  const [time, seeks, hover] = await inPlayer(page, player => [
+    player.movie.currentTime, globalThis.seeks, player.shadowRoot.querySelector('.hover').textContent]);
   assert.ok(Math.abs(time - 3) < 0.15, `${time}`);
-  assert.equal(detail, 'auto');
+  assert.ok(seeks.length >= 3 && seeks.slice(0, -1).every(Boolean) && !seeks.at(-1), `${seeks}`);
   assert.match(hover, /^0:0[23]\.\d$/);
 }));
 
@@ -266,7 +285,7 @@ test('pointers turn, move and zoom; a tap plays', () => withPlayer(async page =>
   await page.mouse.up({button: 'right'});
   assert.notDeepEqual((await state()).target, first.target);
   await page.mouse.click(60, 60);
-  assert.equal(await inPlayer(page, player => player.movie.paused), false);
+  await page.waitForFunction(() => !document.querySelector('l4d-player').movie.paused, undefined, {timeout: 5000});
 }));
 
 test('roles, names and focus', () => withPlayer(async page => {
@@ -479,7 +498,10 @@ test('tiers come one after the other, and the last tier can be chosen', () => wi
     tiers.dispose();
     return {all, counts, limited, lastTier: tiers.info.lastTier};
   });
-  assert.deepEqual(found.all, ['base 0', 'base 1', 'base 2', 'full 2']);
+  assert.ok(found.all[0] === 'base 0' && found.all.at(-1) === 'full 2', `${found.all}`);
+  // On a fast link some come together, but none before a lower one.
+  const ladder = ['base 0', 'base 1', 'base 2', 'full 2'];
+  assert.deepEqual(found.all, ladder.filter(rung => found.all.includes(rung)));
   assert.ok(found.counts[0] < found.counts[1] && found.counts[1] < found.counts[2], `${found.counts}`);
   assert.ok(found.limited.length > 0 && found.limited.every(tier => tier === 0), `${found.limited}`);
   assert.equal(found.lastTier, 2);
@@ -558,24 +580,29 @@ test('a browser without WebGL2 is told', () => withPlayer(async page => {
   assert.match(text, /offers no WebGL2/);
 }));
 
-test('a file that changes is told, and so is a lost server; trying again helps', () => withPlayer(async (page, server) => {
-  // What lies behind the header comes after the change.
+test('a file that changes is told, and so is a lost server; trying again helps', () => {
+  // What lies behind the header comes after the change: this is the first load, or the browser would complete what it has kept.
   let release = () => {};
   const held = new Promise(resolve => { release = () => resolve(undefined); });
-  server.faults.hold = begin => begin > 0 ? held : undefined;
-  await inPlayer(page, player => void player.load(new URL('scene.l4d', location.href).href));
-  await page.waitForFunction(() => document.querySelector('l4d-player').movie);
-  server.faults.etag = '"2"';
-  release();
-  assert.match(await message(page), /file has changed/);
-  server.faults.status = 503;
-  await page.getByRole('button', {name: 'Try again'}).click();
-  await page.waitForFunction(() => /does not answer/.test(document.querySelector('l4d-player').shadowRoot.querySelector('.message').innerText));
-  server.faults.status = 0;
-  await page.getByRole('button', {name: 'Try again'}).click();
-  await opened(page);
-  assert.ok(await light(page) > 5);
-}, {noErrors: false}));
+  const slow = {timeout: 120000};  // machines that draw without a GPU, and do something else meanwhile
+  return withPlayer(async (page, server) => {
+    await page.waitForFunction(() => document.querySelector('l4d-player').movie, undefined, slow);
+    server.faults.etag = '"2"';
+    release();
+    const says = (/** @type {string} */ words) => page.waitForFunction(wanted => {
+      const box = document.querySelector('l4d-player').shadowRoot.querySelector('.message');
+      return !box.hidden && box.innerText.includes(wanted);
+    }, words, slow);
+    await says('file has changed');
+    server.faults.status = 503;
+    await page.getByRole('button', {name: 'Try again'}).click();
+    await says('does not answer');
+    server.faults.status = 0;
+    await page.getByRole('button', {name: 'Try again'}).click();
+    await opened(page);
+    assert.ok(await light(page) > 5);
+  }, {faults: {hold: begin => begin > 0 ? held : undefined}, wait: false, noErrors: false});
+});
 
 test('memory stays flat over 200 seeks', () => withPlayer(async page => {
   const memory = async () => {

@@ -137,7 +137,7 @@ test('a view of a movie whose instant failed shows what there is, and waits for 
     const found = await page.evaluate(async () => {
       const {View} = await import(/** @type {any} */ ('/player.js'));
       const {movie} = /** @type {any} */ (globalThis);
-      const outcome = await movie.seek(6.5).then(() => 'done', error => error.code);
+      const outcome = await movie.seek(9.6).then(() => 'done', error => error.code);
       const {detail} = movie.ready;
       const canvas = document.body.appendChild(document.createElement('canvas'));
       const view = new View(canvas);

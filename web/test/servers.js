@@ -18,7 +18,7 @@ export const setting = (heading, language) => {
   return found[1];
 };
 
-/** A port that systems do not give to a program that asks for any: another test may get such a port first. @returns {Promise<number>} */
+/** None of those that systems give to a program that asks for any: another test may get such a port first. @returns {Promise<number>} */
 const freePort = async () => {
   for (let k = 0; k < 100; ++k) {
     const port = 10000 + Math.floor(20000 * Math.random());

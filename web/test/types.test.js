@@ -51,9 +51,15 @@ for (const compiler of compilers) test(`${compiler}: documents know <l4d-player>
     player.addEventListener('error', event => { const code: string = event.detail.code; void code; });
     player.addEventListener('playing', event => { const type: string = event.type; void type; });
     player.options = {request: async ({url}) => ({url: url + '?signed'}), timeout: 3, bases: ['https://a.example/']};
+    player.addEventListener('camera-change', ({detail}) => { const source: 'user-interaction' | 'automatic' | 'none' = detail.source; void source; });
+    player.cameraOrbit = String(made.getCameraOrbit());
+    player.fieldOfView = null;
+    player.autoRotate = made.getCameraTarget().x + made.getFieldOfView() > 0;
+    const point: Promise<[number, number, number] | null> = player.queryPosition(1, 2);
+    const picture: Promise<Blob> = player.toBlob({type: 'image/webp', width: 640});
     const state: number = player.buffered.end(0) + player.readyState + (player.error?.code ?? 0);
-    const attributes: JSX.IntrinsicElements['l4d-player'] = {src: 'a.l4d', loading: 'lazy', 'max-rows': 5};
-    export {attributes, loaded, playback, played, seconds, show, state};
+    const attributes: JSX.IntrinsicElements['l4d-player'] = {src: 'a.l4d', loading: 'lazy', 'max-rows': 5, 'camera-orbit': '0deg 75deg 4m', 'auto-rotate': true};
+    export {attributes, loaded, picture, playback, played, point, seconds, show, state};
   `, compiler), '');
   assert.match(complaints("document.querySelector('l4d-player')!.loop = 'yes'; import 'l4dcodec-player'; export {};", compiler),
                /not assignable to type 'boolean'/);
@@ -64,6 +70,6 @@ test('React knows <l4d-player> and its attributes', () => {
     import 'l4dcodec-player/react';
     const element: React.JSX.Element = <l4d-player ${attributes} />;
     export {element};`;
-  assert.equal(complaints(program('src="scene.l4d" loading="lazy"')), '');
+  assert.equal(complaints(program('src="scene.l4d" loading="lazy" camera-target="0 1 0" auto-rotate')), '');
   assert.match(complaints(program('loading="late"')), /late/);
 });

@@ -13,6 +13,7 @@ export interface L4DPlayerEventMap extends Omit<HTMLElementEventMap, 'error' | M
   open: CustomEvent<Movie>;
   error: CustomEvent<L4DError>;
   backend: CustomEvent<'webgl2' | 'webgpu'>;
+  'camera-change': CustomEvent<{source: 'user-interaction' | 'automatic' | 'none'}>;
 }
 
 declare module './element.js' {
@@ -49,8 +50,19 @@ export interface L4DPlayerAttributes {
   retries?: number | string;
   tolerant?: 'true' | 'false';
   playlist?: 'true' | 'false';
+  live?: string;
   'cache-bytes'?: number | string;
   'max-rows'?: number | string;
+  'camera-orbit'?: string;
+  'camera-target'?: string;
+  'field-of-view'?: string;
+  'min-camera-orbit'?: string;
+  'max-camera-orbit'?: string;
+  'min-field-of-view'?: string;
+  'max-field-of-view'?: string;
+  'auto-rotate'?: boolean;
+  'auto-rotate-delay'?: number | string;
+  'rotation-per-second'?: string;
   'wasm-src'?: string;
   'worker-src'?: string;
   options?: OpenOptions;

@@ -28,12 +28,13 @@ struct Rows {
   Unset<uint16_t> sh;     // [count, sh_stride]
 
   // Leaves out what is never visible and what is not finite. The falloff of permanent layers is not
-  // looked at.
+  // looked at. sh_degree: of the rows, at least that of the Gaussians.
   void fill(const l4d_gaussians& g, const float* mean_t_local, const l4d_timeline& timeline,
-            double center, bool permanent) {
-    const size_t numbers = size_t{3} * (g.sh_degree + 1) * (g.sh_degree + 1);
+            double center, bool permanent, uint32_t sh_degree) {
+    const auto terms = [](size_t degree) { return 3 * (degree + 1) * (degree + 1); };
+    const size_t numbers = terms(g.sh_degree);
     const Sequence sequence = sequence_of(timeline);
-    sh_stride = (numbers + 3) / 4 * 4;
+    sh_stride = (terms(sh_degree) + 3) / 4 * 4;
     count = 0;
     const size_t n = static_cast<size_t>(g.count);
     geometry.resize(n * kGeometry);

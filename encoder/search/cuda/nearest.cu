@@ -95,27 +95,18 @@ __global__ void __launch_bounds__(kThreads)
 using Kernel = void (*)(const float*, size_t, const float*, uint32_t, uint32_t, bool, uint32_t*,
                         float*);
 
-// Of attributes, and with the number that entropy-constrained search adds.
 Kernel kernel_for(size_t dim) {
   switch (dim) {
     case 3:
       return nearest_kernel<3>;
     case 4:
       return nearest_kernel<4>;
-    case 5:
-      return nearest_kernel<5>;
     case 12:
       return nearest_kernel<12>;
-    case 13:
-      return nearest_kernel<13>;
     case 27:
       return nearest_kernel<27>;
-    case 28:
-      return nearest_kernel<28>;
     case 48:
       return nearest_kernel<48>;
-    case 49:
-      return nearest_kernel<49>;
     default:
       return nullptr;
   }

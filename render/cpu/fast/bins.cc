@@ -10,13 +10,13 @@
 namespace l4d::render {
 namespace {
 
-constexpr size_t kGrain = size_t{1} << 14;
+constexpr size_t kBinGrain = size_t{1} << 14;
 constexpr size_t kPrefetch = 16;  // splats ahead
 constexpr int kRadixBits = 11;
 constexpr size_t kRadix = size_t{1} << kRadixBits;
 constexpr const char* kLists = "lists of splats by tile";
 
-size_t pieces_of(size_t splats) { return (splats + kGrain - 1) / kGrain; }
+size_t pieces_of(size_t splats) { return (splats + kBinGrain - 1) / kBinGrain; }
 
 inline void prefetch(const void* address) {
 #if defined(__GNUC__)
@@ -91,8 +91,8 @@ Status DepthSort::sort(const FastSplat* splats, const std::vector<size_t>& count
   // Least significant digit first; pieces of fixed size count and scatter on their own.
   for (int shift = 0; shift < 32; shift += kRadixBits) {
     std::fill(digits_.begin(), digits_.end(), 0);
-    parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
-      uint32_t* count = digits_.data() + first / kGrain * kRadix;
+    parallel_for(threads, n, kBinGrain, [&](size_t first, size_t last) {
+      uint32_t* count = digits_.data() + first / kBinGrain * kRadix;
       for (size_t i = first; i < last; ++i) ++count[keys_[i].depth >> shift & (kRadix - 1)];
     });
     uint32_t at = 0;
@@ -104,15 +104,15 @@ Status DepthSort::sort(const FastSplat* splats, const std::vector<size_t>& count
         at += here;
       }
     }
-    parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
-      uint32_t* next = digits_.data() + first / kGrain * kRadix;
+    parallel_for(threads, n, kBinGrain, [&](size_t first, size_t last) {
+      uint32_t* next = digits_.data() + first / kBinGrain * kRadix;
       for (size_t i = first; i < last; ++i) {
         other_[next[keys_[i].depth >> shift & (kRadix - 1)]++] = keys_[i];
       }
     });
     keys_.swap(other_);
   }
-  parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
+  parallel_for(threads, n, kBinGrain, [&](size_t first, size_t last) {
     for (size_t i = first; i < last; ++i) {
       prefetch(splats + keys_[std::min(i + kPrefetch, last - 1)].place);
       (*sorted)[i] = splats[keys_[i].place];
@@ -134,8 +134,8 @@ Status TileBins::start(const std::vector<FastSplat>& splats, int width, int heig
   const size_t n = splats.size();
   L4D_RETURN_IF_ERROR(renew(memory, &boxes_, n, "boxes of splats"));
   std::vector<Bound> bounds(pieces_of(n));
-  parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
-    Bound& bound = bounds[first / kGrain];
+  parallel_for(threads, n, kBinGrain, [&](size_t first, size_t last) {
+    Bound& bound = bounds[first / kBinGrain];
     for (size_t i = first; i < last; ++i) {
       const FastSplat& s = splats[i];
       const TileRange rows = tiles_between(s.mean[1] - s.extent[1], s.mean[1] + s.extent[1], rows_);
@@ -286,8 +286,8 @@ Status TileBins::charge_memory(const Band& band, bool with_places, int threads,
   const size_t n = boxes_.size(), pieces = pieces_of(n);
   L4D_RETURN_IF_ERROR(renew(memory, &first_span_, pieces + 1, kLists));
   first_span_[0] = 0;
-  parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
-    first_span_[first / kGrain + 1] = bound_spans(band, first, last);
+  parallel_for(threads, n, kBinGrain, [&](size_t first, size_t last) {
+    first_span_[first / kBinGrain + 1] = bound_spans(band, first, last);
   });
   for (size_t p = 0; p < pieces; ++p) first_span_[p + 1] += first_span_[p];
   L4D_RETURN_IF_ERROR(renew(memory, &spans_, first_span_[pieces], kLists));
@@ -327,8 +327,8 @@ Status TileBins::build(const std::vector<FastSplat>& splats, const Band& band, b
   };
   L4D_RETURN_IF_ERROR(charge_memory(band, with_places, threads, memory));
   if (with_places) emitted_[0] = 0;
-  parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
-    const size_t piece = first / kGrain;
+  parallel_for(threads, n, kBinGrain, [&](size_t first, size_t last) {
+    const size_t piece = first / kBinGrain;
     Span* next_span = spans_.data() + first_span_[piece];
     uint32_t* counts = next_.data() + piece * tiles;
     std::fill_n(counts, tiles, 0u);
@@ -351,8 +351,8 @@ Status TileBins::build(const std::vector<FastSplat>& splats, const Band& band, b
     }
   });
   L4D_RETURN_IF_ERROR(place_lists(band, with_places, memory));
-  parallel_for(threads, n, kGrain, [&](size_t first, size_t last) {
-    const size_t piece = first / kGrain;
+  parallel_for(threads, n, kBinGrain, [&](size_t first, size_t last) {
+    const size_t piece = first / kBinGrain;
     uint32_t* next = next_.data() + piece * tiles;
     const Span* span = spans_.data() + first_span_[piece];
     uint32_t* places = with_places ? place_.data() + emitted_[first] : nullptr;

@@ -23,8 +23,6 @@ const RenderKernels& render_kernels() {
 
 namespace {
 
-constexpr size_t kGrain = DepthSort::kPart;
-
 class Watch {
  public:
   explicit Watch(double* seconds) : seconds_(seconds), begin_(Clock::now()) {}
@@ -44,8 +42,9 @@ constexpr uint64_t kBandBytes = uint64_t{256} << 20;
 
 class FastRasterizer : public Rasterizer<float> {
  public:
-  FastRasterizer(int threads, bool fast_exponential, MemoryBudget& memory)
-      : threads_(threads),
+  FastRasterizer(int threads, bool fast_exponential, MemoryBudget& memory, const int32_t* cancel)
+      : cancel_(cancel),
+        threads_(threads),
         fast_exponential_(fast_exponential),
         kernels_(render_kernels()),
         memory_(memory) {}
@@ -109,14 +108,14 @@ class FastRasterizer : public Rasterizer<float> {
     const size_t n = frame.count();
     {
       const Watch watch(&stats->seconds[L4D_RENDER_PASS_PROJECT]);
-      const size_t parts = (n + kGrain - 1) / kGrain;
+      const size_t parts = (n + DepthSort::kPart - 1) / DepthSort::kPart;
       L4D_RETURN_IF_ERROR(renew(memory_, &counts_, parts, "splats"));
       // Parts are whole; a small frame does not shrink what a large one needed.
-      if (projected_.size() < kGrain * parts) {
-        L4D_RETURN_IF_ERROR(renew(memory_, &projected_, kGrain * parts, "splats"));
+      if (projected_.size() < DepthSort::kPart * parts) {
+        L4D_RETURN_IF_ERROR(renew(memory_, &projected_, DepthSort::kPart * parts, "splats"));
       }
-      parallel_for(threads_, n, kGrain, [&](size_t begin, size_t end) {
-        counts_[begin / kGrain] =
+      parallel_for(threads_, n, DepthSort::kPart, [&](size_t begin, size_t end) {
+        counts_[begin / DepthSort::kPart] =
             kernels_.project(frame, view, begin, end, projected_.data() + begin);
       });
     }
@@ -157,6 +156,7 @@ class FastRasterizer : public Rasterizer<float> {
       }
       stats->instances += bins_.instances();
       L4D_RETURN_IF_ERROR(body(bands[k], k + 1 == bands.size()));
+      if (cancelled()) return Status(L4D_ERR_CANCELLED, "cancelled");
     }
     // Other calls need room too.
     if (memory_.capacity() < memory_.used()) forget_lists();
@@ -174,7 +174,7 @@ class FastRasterizer : public Rasterizer<float> {
   void for_tiles(const View<float>& view, const Band& band, const Body& body) const {
     const size_t columns = static_cast<size_t>(band.columns());
     parallel_for(threads_, band.tiles(), 4, [&](size_t begin, size_t end) {
-      for (size_t t = begin; t < end; ++t) {
+      for (size_t t = begin; t < end && !cancelled(); ++t) {
         TileInput tile;
         tile.splats = splats_.data();
         tile.list = bins_.list(t);
@@ -201,7 +201,7 @@ class FastRasterizer : public Rasterizer<float> {
       for (size_t n = 0; n < tile.count && !any; ++n) any = wanted(tile.list[n]);
       if (any) kernels_.coverage(tile, instance_coverage_.data() + bins_.first(t));
     });
-    parallel_for(threads_, splats_.size(), kGrain, [&](size_t begin, size_t end) {
+    parallel_for(threads_, splats_.size(), DepthSort::kPart, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) {
         if (!wanted(i)) continue;
         // Bands follow each other as the tiles of one band do: the sums are those of one.
@@ -236,7 +236,7 @@ class FastRasterizer : public Rasterizer<float> {
       }
       kernels_.backward(tile, upstream, background, instances_.data() + bins_.first(t));
     });
-    parallel_for(threads_, splats_.size(), kGrain, [&](size_t begin, size_t end) {
+    parallel_for(threads_, splats_.size(), DepthSort::kPart, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) {
         const FastSplat& s = splats_[i];
         SplatGradient2D<float>& g = out->splat[s.row];
@@ -264,12 +264,17 @@ class FastRasterizer : public Rasterizer<float> {
     return {};
   }
 
+  bool cancelled() const {
+    return cancel_ != nullptr && *static_cast<const volatile int32_t*>(cancel_) != 0;
+  }
+
+  const int32_t* cancel_;
   int threads_;
   bool fast_exponential_;
   const RenderKernels& kernels_;
   MemoryBudget& memory_;
   // Kept between calls: the memory of a frame is that of the next one.
-  std::vector<FastSplat> projected_;  // in parts of kGrain
+  std::vector<FastSplat> projected_;  // in parts of DepthSort::kPart
   std::vector<size_t> counts_;        // of each part
   DepthSort sort_;
   std::vector<FastSplat> splats_;
@@ -281,8 +286,9 @@ class FastRasterizer : public Rasterizer<float> {
 }  // namespace
 
 std::unique_ptr<Rasterizer<float>> make_fast_rasterizer(int threads, bool fast_exponential,
-                                                        MemoryBudget& memory) {
-  return std::make_unique<FastRasterizer>(threads, fast_exponential, memory);
+                                                        MemoryBudget& memory,
+                                                        const int32_t* cancel) {
+  return std::make_unique<FastRasterizer>(threads, fast_exponential, memory, cancel);
 }
 
 }  // namespace l4d::render

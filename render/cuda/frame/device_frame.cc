@@ -147,7 +147,7 @@ Status DeviceFrame::slice(const SceneStore& store, double time, const SliceShari
     const size_t bytes = sizeof(SliceCounts) + store.num_chunks() * sizeof(uint32_t);
     L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(slice_control_.data(), 0, bytes, stream));
     launch_slice(store.resident(), store.chunks(), store.num_chunks(),
-                 time - store.sequence().center(), memory_, stream);
+                 time - store.sequence().center(), store.frame_at(time), memory_, stream);
     sliced_store_ = &store;
     sliced_revision_ = store.revision();
     sliced_time_ = time;

@@ -73,9 +73,9 @@ inline size_t image_tiles(int width, int height) {
   return static_cast<size_t>(columns) * static_cast<size_t>(rows);
 }
 
-// Rows of the chunks that are visible at the time, in order.
+// Rows of the chunks that are visible at the time, in order. frame: that the time belongs to.
 void launch_slice(const ResidentGaussians& rows, const Chunk* chunks, uint32_t num_chunks,
-                  double time, const FrameMemory& memory, cudaStream_t stream);
+                  double time, uint32_t frame, const FrameMemory& memory, cudaStream_t stream);
 // The splats of the visible rows that touch a tile, with their colours; keys of their depths.
 void launch_project(const ResidentGaussians& rows, const FrameInput& input,
                     const FrameMemory& memory, cudaStream_t stream);

@@ -12,8 +12,10 @@ constexpr int kWarps = kThreads / 32;
 constexpr int kTurns = kChunkSlots / kThreads;
 static_assert(kTurns * kWarps == 32, "one lane per warp and turn");
 
-__global__ void __launch_bounds__(kThreads)
-    slice(ResidentGaussians slots, const Chunk* chunks, double time, FrameMemory memory) {
+// kWindows: of slots some of which have windows.
+template <bool kWindows>
+__global__ void __launch_bounds__(kThreads) slice(ResidentGaussians slots, const Chunk* chunks,
+                                                  double time, uint32_t frame, FrameMemory memory) {
   await_predecessor();
   __shared__ uint32_t before[32];  // visible slots before each turn of each warp
   const uint32_t piece = take_ticket(&memory.slice_counts->ticket);
@@ -26,7 +28,8 @@ __global__ void __launch_bounds__(kThreads)
     const uint32_t at = static_cast<uint32_t>(k) * kThreads + threadIdx.x;
     bool visible = false;
     if (at < chunk.count) {
-      visible = slots.interval[chunk.first + at].holds(now);
+      visible = slots.interval[chunk.first + at].holds(now) &&
+                (!kWindows || slots.window[chunk.first + at].shows(frame));
     }
     votes[k] = __ballot_sync(kFullWarp, visible);
     if (lane == 0)
@@ -59,9 +62,10 @@ __global__ void __launch_bounds__(kThreads)
 }  // namespace
 
 void launch_slice(const ResidentGaussians& slots, const Chunk* chunks, uint32_t num_chunks,
-                  double time, const FrameMemory& memory, cudaStream_t stream) {
+                  double time, uint32_t frame, const FrameMemory& memory, cudaStream_t stream) {
   if (num_chunks == 0) return;
-  launch(slice, num_chunks, kThreads, stream, slots, chunks, time, memory);
+  launch(slots.window != nullptr ? slice<true> : slice<false>, num_chunks, kThreads, stream, slots,
+         chunks, time, frame, memory);
 }
 
 }  // namespace l4d::render

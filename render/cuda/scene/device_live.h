@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // A scene that changes in every step on a CUDA device, told without a type of CUDA: what the
-// functions of l4d/cuda_train.h call.
+// functions of l4d/experimental/cuda_train.h call.
 #pragma once
 
 #include <memory>
 #include <vector>
 
-#include "l4d/cuda_train.h"
+#include "l4d/experimental/cuda_train.h"
 #include "libl4dcodec/base/status.h"
 #include "render/view/view.h"
 

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 
+#include "l4d/experimental/packed.h"
 #include "libl4dcodec/base/checked.h"
 #include "libl4dcodec/scene/prepare.h"
 #include "render/cuda/importance/in_flight_views.h"
@@ -62,6 +63,10 @@ class Implementation : public DeviceRenderer {
       L4D_RETURN_IF_ERROR(upload(gaussians.mean_t_double, n * sizeof(double), &double_times_));
       device.mean_t_double = double_times_.as<double>();
     }
+    if (gaussians.window != nullptr) {
+      L4D_RETURN_IF_ERROR(upload(gaussians.window, n * sizeof(FrameWindow), &windows_));
+      device.window = windows_.as<uint32_t>();
+    }
     return set_device_gaussians(device, timeline);
   }
 
@@ -69,9 +74,10 @@ class Implementation : public DeviceRenderer {
                               const l4d_timeline& timeline) override {
     L4D_RETURN_IF_ERROR(use());
     forget_scene();
-    const size_t n = static_cast<size_t>(gaussians.count);
-    L4D_RETURN_IF_ERROR(
-        reserve_store(n, gaussians.sh_degree, options_.half_sh, sequence_of(timeline)));
+    StoreShape shape = shape_of(gaussians, timeline);
+    shape.sh_degree = gaussians.sh_degree;
+    shape.half_sh = options_.half_sh;
+    L4D_RETURN_IF_ERROR(reserve_store(shape));
     L4D_RETURN_IF_ERROR(store_.store_scene(gaussians, nullptr));
     gaussians_ = gaussians;
     return {};
@@ -134,8 +140,9 @@ class Implementation : public DeviceRenderer {
                                const l4d_timeline& timeline) override {
     L4D_RETURN_IF_ERROR(use());
     forget_scene();
-    const size_t n = static_cast<size_t>(gaussians.count);
-    L4D_RETURN_IF_ERROR(reserve_indices(n, sequence_of(timeline)));
+    StoreShape shape = shape_of(gaussians, timeline);
+    shape.sh = StoredSh::kIndices;
+    L4D_RETURN_IF_ERROR(reserve_store(shape));
     L4D_RETURN_IF_ERROR(store_.reserve_escapes(indices.num_escapes));
     return store_.store_scene(gaussians, &indices);
   }
@@ -178,20 +185,7 @@ class Implementation : public DeviceRenderer {
     L4D_RETURN_IF_CUDA_ERROR(cudaSetDevice(options_.device));
     return {};
   }
-  Status reserve_store(size_t slots, uint32_t sh_degree, bool half_sh, const Sequence& sequence) {
-    StoreShape shape;
-    shape.slots = slots;
-    shape.sequence = sequence;
-    shape.sh_degree = sh_degree;
-    shape.half_sh = half_sh;
-    L4D_RETURN_IF_ERROR(store_.reserve(shape));
-    return frame_.reserve_slices(store_);
-  }
-  Status reserve_indices(size_t slots, const Sequence& sequence) {
-    StoreShape shape;
-    shape.slots = slots;
-    shape.sequence = sequence;
-    shape.sh = StoredSh::kIndices;
+  Status reserve_store(const StoreShape& shape) {
     L4D_RETURN_IF_ERROR(store_.reserve(shape));
     return frame_.reserve_slices(store_);
   }
@@ -208,7 +202,7 @@ class Implementation : public DeviceRenderer {
   DeviceFrame frame_;
   BackwardPass back_;
   l4d_gaussians gaussians_{};  // device arrays
-  cuda::DeviceMemory double_times_;
+  cuda::DeviceMemory double_times_, windows_;
   cuda::DeviceMemory attributes_[kNumAttributes], gradients_[kNumAttributes];
   cuda::DeviceMemory rgb_, alpha_, upstream_;
   cuda::PinnedMemory staging_;
@@ -242,7 +236,10 @@ Status Implementation::set_splats(const HostSplats& splats) {
   L4D_RETURN_IF_ERROR(use());
   forget_scene();
   const size_t n = splats.count;
-  L4D_RETURN_IF_ERROR(reserve_store(n, splats.sh_degree, false, {0, 0}));
+  StoreShape shape;
+  shape.slots = n;
+  shape.sh_degree = splats.sh_degree;
+  L4D_RETURN_IF_ERROR(reserve_store(shape));
   const ResidentGaussians& slots = store_.resident();
   const size_t numbers = size_t{3} * sh_terms(splats.sh_degree);
   const size_t stride = sh_stride(splats.sh_degree, false);

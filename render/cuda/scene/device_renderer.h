@@ -8,7 +8,8 @@
 #include <cstdint>
 #include <memory>
 
-#include "l4d/cuda_render.h"
+#include "l4d/experimental/cuda_render.h"
+#include "l4d/experimental/packed.h"
 #include "libl4dcodec/base/status.h"
 #include "render/cuda/frame/image_target.h"
 #include "render/cuda/importance/device_importance.h"

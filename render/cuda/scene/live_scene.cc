@@ -66,9 +66,7 @@ class Live : public DeviceLive {
     state_ = kNothing;
     has_copy_ = false;
     L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
-    StoreShape shape;
-    shape.slots = static_cast<size_t>(gaussians.count);
-    shape.sequence = sequence_of(timeline);
+    StoreShape shape = shape_of(gaussians, timeline);
     shape.sh = StoredSh::kExternal;
     L4D_RETURN_IF_ERROR(store_.reserve(shape));
     const Batch all{0, static_cast<uint32_t>(shape.slots), kMoving};

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <string>
 
+#include "l4d/experimental/packed.h"
+
 namespace l4d::render {
 namespace {
 

@@ -2,7 +2,8 @@
 // SH codebooks of a scene, and what it takes to keep slots as indices of their codewords.
 #pragma once
 
-#include "l4d/cuda_render.h"
+#include "l4d/experimental/cuda_render.h"
+#include "l4d/experimental/packed.h"
 #include "libl4dcodec/cuda/device.h"
 #include "render/cuda/store/indexed.h"
 

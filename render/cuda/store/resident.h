@@ -41,18 +41,19 @@ struct ShCodebookTable {
 constexpr uint32_t kShDepthBits = 4;
 constexpr uint32_t kShEscape = 15;
 
-// A Gaussian made ready for slicing: 64 bytes and its SH, in columns. Times are seconds from the
-// middle of the sequence, or from what `origin` says: in a sequence of many hours, binary32 from
-// its middle would not tell frames apart. `motion` is read of slots that move, the second half of
-// `shape1` of slots that fade.
+// A Gaussian made ready for slicing: 64 bytes, its window and its SH, in columns. Times are seconds
+// from the middle of the sequence, or from what `origin` says: in a sequence of many hours,
+// binary32 from its middle would not tell frames apart. `motion` is read of slots that move, the
+// second half of `shape1` of slots that fade.
 struct ResidentGaussians {
   VisibleInterval* interval;  // [slots] when it is visible
   float4* place;              // [slots] position at the reference time; opacity
   float4* motion;             // [slots] velocity; reference time
   float4* shape0;             // [slots] covariance xx xy xz yy
   float4* shape1;             // [slots] covariance yz zz; mean time, lambda
-  void* sh;        // [slots, sh_words] binary32, or binary16 padded to whole 8 bytes, or indices
-  uint32_t* id;    // [slots] index in the scene
+  void* sh;      // [slots, sh_words] binary32, or binary16 padded to whole 8 bytes, or indices
+  uint32_t* id;  // [slots] index in the scene
+  FrameWindow* window;  // [slots] flat windows; NULL: no slot has one
   double* origin;  // [slots / kChunkSlots] seconds from the middle of the sequence; NULL: 0 for all
   ShCodebookTable codebooks;
   uint32_t sh_words;  // of 4 bytes, from one slot's SH to the next one's

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <string>
 
+#include "l4d/experimental/packed.h"
 #include "render/cuda/kernel/launched.h"
 
 namespace l4d::render {
@@ -36,7 +37,8 @@ size_t SceneStore::slot_sh_bytes() const {
 }
 
 size_t SceneStore::slot_bytes() const {
-  return sizeof(VisibleInterval) + 4 * sizeof(float4) + sizeof(uint32_t) + slot_sh_bytes();
+  return sizeof(VisibleInterval) + 4 * sizeof(float4) + sizeof(uint32_t) + slot_window_bytes() +
+         slot_sh_bytes();
 }
 
 Status SceneStore::reserve(const StoreShape& shape) {
@@ -62,10 +64,10 @@ Status SceneStore::reserve(const StoreShape& shape) {
 // Memory of slots of shape_; the first slots_ of them keep what they have. The device is idle.
 Status SceneStore::make_slots(size_t slots) {
   const size_t n = std::max<size_t>(slots, 1);
-  const size_t bytes[7] = {sizeof(VisibleInterval), sizeof(float4), sizeof(float4),
-                           sizeof(float4),          sizeof(float4), slot_sh_bytes(),
-                           sizeof(uint32_t)};
-  for (int k = 0; k < 7; ++k) {
+  const size_t bytes[8] = {sizeof(VisibleInterval), sizeof(float4),     sizeof(float4),
+                           sizeof(float4),          sizeof(float4),     slot_sh_bytes(),
+                           sizeof(uint32_t),        slot_window_bytes()};
+  for (int k = 0; k < 8; ++k) {
     L4D_RETURN_IF_ERROR(grow(n * bytes[k], slots_ * bytes[k], &columns_[k]));
   }
   resident_.interval = columns_[0].as<VisibleInterval>();
@@ -76,6 +78,7 @@ Status SceneStore::make_slots(size_t slots) {
   resident_.sh = columns_[5].data();
   resident_.sh_words = static_cast<uint32_t>(slot_sh_bytes() / sizeof(uint32_t));
   resident_.id = columns_[6].as<uint32_t>();
+  resident_.window = shape_.windows.has_value() ? columns_[7].as<FrameWindow>() : nullptr;
   resident_.origin = nullptr;
   if (shape_.chunk_clocks) {
     L4D_RETURN_IF_ERROR(

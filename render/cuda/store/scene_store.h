@@ -3,6 +3,9 @@
 // a store; several frames may read one at a time.
 #pragma once
 
+#include <optional>
+
+#include "l4d/experimental/packed.h"
 #include "libl4dcodec/cuda/device.h"
 #include "render/cuda/store/codebooks.h"
 #include "render/cuda/store/store.h"
@@ -25,7 +28,18 @@ struct StoreShape {
   // Each chunk of kChunkSlots slots has a clock of its own (ResidentGaussians::origin), and a
   // store that is reserved again keeps what it has.
   bool chunk_clocks = false;
+  // What the frames of flat windows are frames of; absent: no slot has a window, or memory for one.
+  std::optional<l4d_timeline> windows;
 };
+
+// Slots for all Gaussians of a scene; what they hold of SH is up to the caller.
+inline StoreShape shape_of(const l4d_gaussians& gaussians, const l4d_timeline& timeline) {
+  StoreShape shape;
+  shape.slots = static_cast<size_t>(gaussians.count);
+  shape.sequence = sequence_of(timeline);
+  if (gaussians.window != nullptr) shape.windows = timeline;
+  return shape;
+}
 
 class SceneStore {
  public:
@@ -61,6 +75,10 @@ class SceneStore {
   size_t slot_bytes() const;
   const ResidentGaussians& resident() const { return resident_; }
   const Sequence& sequence() const { return shape_.sequence; }
+  // The frame that `time`, in seconds, belongs to; 0 if no slot has a window.
+  uint32_t frame_at(double time) const {
+    return shape_.windows.has_value() ? frame_of_time(*shape_.windows, time) : 0;
+  }
   uint32_t sh_degree() const { return shape_.sh_degree; }
   bool half_sh() const { return shape_.half_sh; }
   const Chunk* chunks() const { return chunks_.as<Chunk>(); }
@@ -71,6 +89,7 @@ class SceneStore {
 
  private:
   size_t slot_sh_bytes() const;
+  size_t slot_window_bytes() const { return shape_.windows.has_value() ? sizeof(FrameWindow) : 0; }
   Status make_slots(size_t slots);
   Status take_indices(const l4d_cuda_sh_indices* indices, uint64_t count, ShIndices* out,
                       cudaStream_t stream);
@@ -81,7 +100,7 @@ class SceneStore {
   size_t slots_ = 0;
   uint32_t num_chunks_ = 0;
   uint64_t revision_ = 1;
-  cuda::DeviceMemory columns_[7], origins_, chunks_;
+  cuda::DeviceMemory columns_[8], origins_, chunks_;
   ResidentGaussians resident_{};
   ShCodebooks codebooks_;
   bool half_codebooks_ = false;

@@ -53,6 +53,7 @@ __device__ inline void store_slot(const Prepared& p, double origin, uint32_t id,
   slots.shape0[slot] = make_float4(f(c[0]), f(c[1]), f(c[2]), f(c[3]));
   slots.shape1[slot] = make_float4(f(c[4]), f(c[5]), f(mean), f(p.slice.lambda));
   slots.id[slot] = id;
+  if (slots.window != nullptr) slots.window[slot] = p.window;
 }
 #endif
 // Rows of indices get theirs by launch_store_indices().

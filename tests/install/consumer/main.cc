@@ -8,8 +8,7 @@ int main() {
   try {
     const std::vector<float> position{0, 0, 0}, mean_t{0.5f}, log_scale{-3, -3, -3, -1},
         rotor{1, 0, 0, 0, 0, 0, 0, 0}, opacity{0.5f}, sh{0.1f, 0.2f, 0.3f};
-    l4d_gaussians scene;
-    l4d_gaussians_init(&scene);
+    l4d_gaussians scene = L4D_INIT(l4d_gaussians);
     scene.count = 1;
     scene.position = position.data();
     scene.mean_t = mean_t.data();

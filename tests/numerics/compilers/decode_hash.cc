@@ -29,8 +29,7 @@ uint64_t mix(uint64_t h, const std::vector<float>& v) {
 }
 
 uint64_t hash_gaussians(const l4d::DecoderHandle& d) {
-  l4d_query all;
-  l4d_query_init(&all);
+  l4d_query all = L4D_INIT(l4d_query);
   const l4d::GaussianArrays a = d.decode(all);
   uint64_t h = a.count();
   for (const auto* v :
@@ -60,8 +59,7 @@ int64_t target_of(const char* name) {
 void run(const char* target, const char* path, uint32_t threads, bool flush) {
   std::optional<l4d::test::FlushToZero> flushed;
   if (flush) flushed.emplace();
-  l4d_decoder_options options;
-  l4d_decoder_options_init(&options);
+  l4d_decoder_options options = L4D_INIT(l4d_decoder_options);
   options.threads = threads;
   options.backend = std::strcmp(target, kReference) == 0 ? L4D_BACKEND_REFERENCE : L4D_BACKEND_CPU;
   l4d::DecoderHandle d(&options);

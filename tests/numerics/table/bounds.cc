@@ -12,6 +12,7 @@
 #include <string>
 
 #include "io/ply/scene_ply.h"
+#include "l4d/experimental/inspect.h"
 #include "tests/common/codec.h"
 #include "tests/numerics/hard_scenes.h"
 #include "tests/numerics/oracle.h"

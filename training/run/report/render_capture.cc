@@ -5,43 +5,21 @@
 #include <atomic>
 #include <filesystem>
 #include <memory>
-#include <nlohmann/json.hpp>
 
-#include "io/file/file.h"
+#include "io/camera/write_cameras.h"
 #include "io/image/image.h"
 #include "io/image/video.h"
 #include "l4d/render.hpp"
 #include "libl4dcodec/base/threads.h"
+#include "training/run/report/capture_points.h"
 
 namespace l4d::train {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 using io::Error;
 
-constexpr uint32_t kTestEvery = 8;
 constexpr size_t kMostPrepared = 8000000;  // Gaussians of all renderers, some 200 bytes each
-
-Json json_of(const io::Camera& camera, const std::string& name, bool is_video, bool is_test) {
-  const l4d_camera& c = camera.camera;
-  const double* m = c.world_to_camera;
-  Json w2c = Json::array();
-  for (size_t r = 0; r < 3; ++r) {
-    w2c.push_back({m[4 * r], m[4 * r + 1], m[4 * r + 2], m[4 * r + 3]});
-  }
-  w2c.push_back({0, 0, 0, 1});
-  Json out = {{"id", camera.id},
-              {"split", is_test ? "test" : "train"},
-              {"K", {{c.fx, 0, c.cx}, {0, c.fy, c.cy}, {0, 0, 1}}},
-              {"w2c", w2c}};
-  if (is_video) {
-    out["video"] = name + ".mp4";
-  } else {
-    out["images"] = "images/" + name + "/%04d.png";
-  }
-  return out;
-}
 
 // A capture replaces nothing: neither another one, nor images that lie where its own would.
 void check_place(const fs::path& root) {
@@ -84,12 +62,11 @@ void render_views(const io::Scene& scene, const io::CameraSet& set,
   const size_t workers = std::min({threads, parts, fit});
   std::atomic<bool> stop{false};
   const auto work = [&](size_t worker, size_t) {
-    l4d_renderer_options rendering;
-    l4d_renderer_options_init(&rendering);
+    l4d_renderer_options rendering = L4D_INIT(l4d_renderer_options);
     rendering.threads = static_cast<uint32_t>(std::max<size_t>(threads / workers, 1));
     RendererHandle renderer(&rendering);
     renderer.set_gaussians(scene.view(), scene.timeline);
-    io::Image image(options.width, options.height);
+    io::Image image(set.cameras[0].camera.width, set.cameras[0].camera.height);
     for (uint32_t frame = 0; frame < frames.count; ++frame) {
       if (!by_camera && frame % workers != worker) continue;
       renderer.set_time(scene.timeline.time_begin + (frames.first + frame) / frames.fps);
@@ -111,23 +88,47 @@ void render_views(const io::Scene& scene, const io::CameraSet& set,
   });
 }
 
+io::CameraSet cameras_of(const io::Scene& scene, const RenderCaptureOptions& options) {
+  if (options.camera_file.empty()) {
+    io::CameraSet set = io::orbit_cameras(scene, options.cameras, options.width, options.height);
+    io::split_for_tests(set);
+    return set;
+  }
+  io::CameraSet set = io::read_cameras(options.camera_file);
+  const auto has_split = [](const io::Camera& camera) { return !camera.split.empty(); };
+  if (std::none_of(set.cameras.begin(), set.cameras.end(), has_split)) io::split_for_tests(set);
+  return set;
+}
+
+void check_size(const io::CameraSet& set, const RenderCaptureOptions& options) {
+  const l4d_camera& size = set.cameras[0].camera;
+  for (const io::Camera& camera : set.cameras) {
+    if (camera.camera.width == size.width && camera.camera.height == size.height) continue;
+    throw Error(L4D_ERR_INVALID_ARGUMENT, options.camera_file + ": the images of cameras " +
+                                              std::to_string(set.cameras[0].id) + " and " +
+                                              std::to_string(camera.id) +
+                                              " have different sizes; a capture has one");
+  }
+  // The pixel format that plays everywhere would give such a video a black row or column, and the
+  // capture would be refused.
+  if (options.format == "mp4" && (size.width % 2 != 0 || size.height % 2 != 0)) {
+    throw Error(
+        L4D_ERR_INVALID_ARGUMENT,
+        (options.camera_file.empty() ? "--size is " : options.camera_file + ": the size is ") +
+            std::to_string(size.width) + "x" + std::to_string(size.height) +
+            "; width and height of a video are even numbers. Choose others, or "
+            "--format png");
+  }
+}
+
 }  // namespace
 
-void render_capture(const std::string& folder, const io::Scene& scene,
-                    const RenderCaptureOptions& options) {
+uint32_t render_capture(const std::string& folder, const io::Scene& scene,
+                        const RenderCaptureOptions& options) {
   const bool is_video = options.format == "mp4";
   if (!is_video && options.format != "png") {
     throw Error(L4D_ERR_INVALID_ARGUMENT,
                 "--format is " + options.format + "; it must be png or mp4");
-  }
-  // The pixel format that plays everywhere would give such a video a black row or column, and the
-  // capture would be refused.
-  if (is_video && (options.width % 2 != 0 || options.height % 2 != 0)) {
-    throw Error(L4D_ERR_INVALID_ARGUMENT,
-                "--size is " + std::to_string(options.width) + "x" +
-                    std::to_string(options.height) +
-                    "; width and height of a video are even numbers. Choose others, or "
-                    "--format png");
   }
   const uint32_t all = scene.timeline.num_frames;
   const uint32_t first = options.first_frame;
@@ -136,47 +137,50 @@ void render_capture(const std::string& folder, const io::Scene& scene,
                                               ", and the scene has " + std::to_string(all) +
                                               " frames, from 0");
   }
-  const uint32_t frames = std::min(options.frames == 0 ? all : options.frames, all - first);
   const double fps = static_cast<double>(scene.timeline.fps_num) / scene.timeline.fps_den;
-  const io::CameraSet set =
-      io::orbit_cameras(scene, options.cameras, options.width, options.height);
+  io::CameraSet set = cameras_of(scene, options);
+  set.fps = fps;
+  set.frames = std::min(options.frames == 0 ? all : options.frames, all - first);
+  const l4d_camera size = set.cameras[0].camera;
+  check_size(set, options);
   const fs::path root(folder);
   check_place(root);
   fs::create_directories(root);
-  Json cameras = Json::array();
-  std::vector<std::string> names;
+  std::vector<std::string> folders;
   std::vector<std::unique_ptr<io::VideoWriter>> videos;
   for (size_t k = 0; k < set.cameras.size(); ++k) {
-    names.push_back("cam" + std::string(k < 10 ? "0" : "") + std::to_string(k));
-    cameras.push_back(json_of(set.cameras[k], names[k], is_video, k % kTestEvery == 0));
+    const std::string name = "cam" + std::string(k < 10 ? "0" : "") + std::to_string(k);
+    io::Camera& camera = set.cameras[k];
+    folders.push_back((root / "images" / name).string());
+    camera.mask = camera.video = camera.images = "";
     if (is_video) {
       io::VideoOptions video;
       video.fps = fps;
       video.crf = 14;
-      videos.push_back(std::make_unique<io::VideoWriter>((root / (names[k] + ".mp4")).string(),
-                                                         options.width, options.height, video));
+      camera.video = (root / (name + ".mp4")).string();
+      videos.push_back(
+          std::make_unique<io::VideoWriter>(camera.video, size.width, size.height, video));
     } else {
-      fs::create_directories(root / "images" / names[k]);
+      camera.images = folders[k] + "/%04d.png";
+      fs::create_directories(folders[k]);
     }
   }
   const auto keep = [&](uint32_t frame, size_t k, const io::Image& image) {
     if (is_video) {
       videos[k]->write(image);
     } else {
-      io::write_png(frame_name(root / "images" / names[k], frame), image);
+      io::write_png(frame_name(folders[k], frame), image);
     }
   };
-  render_views(scene, set, options, {first, frames, fps}, keep);
+  render_views(scene, set, options, {first, set.frames, fps}, keep);
   for (const auto& video : videos) video->finish();
-  const Json document = {{"fps", fps},
-                         {"frames", frames},
-                         {"width", options.width},
-                         {"height", options.height},
-                         {"cameras", cameras}};
-  const std::string text = document.dump(1) + "\n";
-  io::OutputFile file((root / "cameras.json").string());
-  file.write(text.data(), text.size());
-  file.commit();
+  if (options.points > 0) {
+    write_capture_points((root / "points.ply").string(), scene, set, options.points,
+                         scene.timeline.time_begin + first / fps, set.frames / fps / 2,
+                         options.threads);
+  }
+  io::write_cameras((root / "cameras.json").string(), set);
+  return static_cast<uint32_t>(set.cameras.size());
 }
 
 }  // namespace l4d::train

@@ -13,6 +13,9 @@ namespace l4d::train {
 struct RenderCaptureOptions {
   uint32_t cameras = 16;  // around the scene
   uint32_t width = 320, height = 240;
+  // In place of these, cameras of a file, all of one size; "" = none.
+  std::string camera_file;
+  uint32_t points = 0;  // also write points.ply, of so many points
   uint32_t first_frame = 0;
   uint32_t frames = 0;  // 0 = all
   // "png" keeps values exactly but for 8 bits; "mp4" has the losses of videos, and needs ffmpeg.
@@ -21,8 +24,9 @@ struct RenderCaptureOptions {
 };
 
 // Renders a scene as a capture with known truth: cameras.json, and images/CAMERA/FRAME.png or
-// CAMERA.mp4. Every 8th camera is for tests. Throws io::Error.
-void render_capture(const std::string& folder, const io::Scene& scene,
-                    const RenderCaptureOptions& options);
+// CAMERA.mp4. Every 8th camera is for tests, unless the file of cameras says which are. Returns
+// the number of cameras. Throws io::Error.
+uint32_t render_capture(const std::string& folder, const io::Scene& scene,
+                        const RenderCaptureOptions& options);
 
 }  // namespace l4d::train

@@ -11,6 +11,7 @@
 #include "training/capture/capture_hash.h"
 #include "training/run/record/checkpoint.h"
 #include "training/run/train/output.h"
+#include "training/step/cuda_backend.h"
 
 namespace l4d::train {
 namespace {
@@ -19,17 +20,17 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 using io::Error;
 
-constexpr uint32_t kScoredInstants = 15;
-
-Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 // lpips: the network of LPIPS, or "".
 Json object_of(const Score& score, const std::string& lpips) {
-  Json object = {
-      {"psnr", number(score.plain.mean_psnr)},    {"psnr_of_mse", number(score.plain.psnr)},
-      {"min_psnr", number(score.plain.min_psnr)}, {"ssim", number(score.plain.mean_ssim)},
-      {"psnr_affine", number(score.psnr_affine)}, {"views", score.plain.views}};
-  if (!lpips.empty()) object["lpips_" + lpips] = number(score.lpips);
+  Json object = {{"psnr", finite_or_null(score.plain.mean_psnr)},
+                 {"psnr_of_mse", finite_or_null(score.plain.psnr)},
+                 {"min_psnr", finite_or_null(score.plain.min_psnr)},
+                 {"ssim", finite_or_null(score.plain.mean_ssim)},
+                 {"psnr_affine", finite_or_null(score.psnr_affine)},
+                 {"views", score.plain.views}};
+  if (!lpips.empty()) object["lpips_" + lpips] = finite_or_null(score.lpips);
   return object;
 }
 
@@ -94,8 +95,8 @@ std::string json_of(const RunReport& r) {
             {"test", object_of(r.test, r.lpips)}};
   if (r.steps > 0) {
     j["devices"] = r.devices;
-    for (size_t p = 0; p < kParts; ++p) j["seconds"][kPartNames[p]] = number(r.seconds[p]);
-    for (size_t s = 0; s < kStages; ++s) j["ms"][kStageNames[s]] = number(r.stages[s]);
+    for (size_t p = 0; p < kParts; ++p) j["seconds"][kPartNames[p]] = finite_or_null(r.seconds[p]);
+    for (size_t s = 0; s < kStages; ++s) j["ms"][kStageNames[s]] = finite_or_null(r.stages[s]);
   }
   if (r.memory.resident > 0) {
     for_each_size(r.memory, [&](const char* name, uint64_t size) { j["memory"][name] = size; });
@@ -110,27 +111,12 @@ std::string json_of(const RunReport& r) {
   return j.dump(1);
 }
 
-namespace {
-
-l4d_renderer_options renderer_options(uint32_t threads) {
-  l4d_renderer_options options;
-  l4d_renderer_options_init(&options);
-  options.threads = threads;
-  return options;
-}
-
-}  // namespace
-
 StreamViews::StreamViews(const std::string& path, const Capture& capture, const ImageLoader& loader,
-                         const l4d_renderer_options& options)
-    : capture_(capture), loader_(loader), renderer_(&options) {
+                         const l4d_renderer_options& rendering)
+    : capture_(capture), loader_(loader), renderer_(&rendering) {
   decoder_.open_file(path);
   renderer_.set_decoder(decoder_);
 }
-
-StreamViews::StreamViews(const std::string& path, const Capture& capture, const ImageLoader& loader,
-                         uint32_t threads)
-    : StreamViews(path, capture, loader, renderer_options(threads)) {}
 
 io::Image StreamViews::render(uint32_t view) {
   const CaptureView& v = capture_.views[view];
@@ -192,7 +178,10 @@ RunReport evaluate_run(const std::string& folder, const std::string& moved,
   const std::unique_ptr<eval::Lpips> lpips = read_lpips(weights);
   check_sizes(lpips.get(), capture, loader);
   const io::Scene scene = io::read_scene_ply(file("scene.ply"));
-  const std::unique_ptr<Backend> backend = make_cpu_backend(threads);
+  const l4d_renderer_options rendering = rendering_of(settings, threads);
+  const std::unique_ptr<Backend> backend = rendering.backend == L4D_BACKEND_CUDA
+                                               ? make_cuda_group({rendering.device})
+                                               : make_cpu_backend(threads);
   backend->load(model_of(scene), capture.timeline());
   RunReport report = describe_capture(capture, loader);
   report.settings = settings;
@@ -213,7 +202,7 @@ RunReport evaluate_run(const std::string& folder, const std::string& moved,
   report.test = score("test", render);
   if (!fs::exists(file("scene.l4d"), error)) return report;
   report.stream_bytes = fs::file_size(file("scene.l4d"), error);
-  StreamViews views(file("scene.l4d"), capture, loader, threads);
+  StreamViews views(file("scene.l4d"), capture, loader, rendering);
   const auto render_stream = [&](uint32_t view) { return views.render(view); };
   report.stream_train = score("train", render_stream);
   report.stream_test = score("test", render_stream);

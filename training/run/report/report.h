@@ -34,13 +34,10 @@ std::optional<Settings> settings_in(const std::string& folder);
 class StreamViews {
  public:
   StreamViews(const std::string& path, const Capture& capture, const ImageLoader& loader,
-              uint32_t threads);
+              const l4d_renderer_options& rendering);
   io::Image render(uint32_t view);
 
  private:
-  StreamViews(const std::string& path, const Capture& capture, const ImageLoader& loader,
-              const l4d_renderer_options& options);
-
   const Capture& capture_;
   const ImageLoader& loader_;
   DecoderHandle decoder_;

@@ -13,6 +13,8 @@
 
 namespace l4d::train {
 
+constexpr uint32_t kScoredInstants = 15;  // at the end of a training, and of a stream of it
+
 // The views of a split, at most `frames` instants of them, spread evenly; 0 = all.
 std::vector<uint32_t> views_to_score(const Capture& capture, const char* split, uint32_t frames);
 

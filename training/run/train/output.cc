@@ -5,9 +5,11 @@
 #include <vector>
 
 #include "io/camera/first_view.h"
+#include "io/camera/write_cameras.h"
 #include "io/file/file.h"
 #include "io/scene/rendering_text.h"
 #include "l4d/render.hpp"
+#include "training/step/cuda_backend.h"
 
 namespace l4d::train {
 namespace {
@@ -16,21 +18,6 @@ using Json = nlohmann::ordered_json;
 using io::Error;
 
 constexpr double kErrorGain = 4;  // in previews
-
-struct WeightColumn {
-  uint32_t which;
-  std::vector<float> io::Weights::*column;
-};
-constexpr WeightColumn kWeightColumns[] = {
-    {L4D_WEIGHT_ALPHA_T, &io::Weights::alpha_t},
-    {L4D_WEIGHT_SH, &io::Weights::sh},
-    {L4D_WEIGHT_SCALE, &io::Weights::scale},
-    {L4D_WEIGHT_ROTOR_SPATIAL, &io::Weights::rotor_spatial},
-    {L4D_WEIGHT_ROTOR_TEMPORAL, &io::Weights::rotor_temporal},
-    {L4D_WEIGHT_POSITION, &io::Weights::position},
-    {L4D_WEIGHT_OPACITY, &io::Weights::opacity},
-    {L4D_WEIGHT_MEAN_T, &io::Weights::mean_t},
-};
 
 }  // namespace
 
@@ -57,8 +44,7 @@ ModelState model_of(const io::Scene& scene) {
 }
 
 l4d_presentation first_view(const Capture& capture, const ImageLoader& loader) {
-  l4d_presentation p;
-  l4d_presentation_init(&p);
+  l4d_presentation p = L4D_INIT(l4d_presentation);
   std::vector<l4d_camera> training;
   for (uint32_t c = 0; c < capture.cameras.size(); ++c) {
     if (capture.cameras[c].split == "train") training.push_back(loader.camera(c));
@@ -68,65 +54,55 @@ l4d_presentation first_view(const Capture& capture, const ImageLoader& loader) {
 }
 
 l4d_presentation as_read(const l4d_presentation& presentation) {
-  l4d_presentation read;
-  l4d_presentation_init(&read);
+  l4d_presentation read = L4D_INIT(l4d_presentation);
   io::parse_presentation(io::presentation_text(presentation), &read);
   return read;
 }
 
 void write_cameras(const std::string& path, const Capture& capture, const ImageLoader& loader) {
-  Json cameras = Json::array();
+  io::CameraSet set;
+  set.fps = capture.fps;
+  set.frames = capture.frames;
   for (uint32_t c = 0; c < capture.cameras.size(); ++c) {
-    const l4d_camera& camera = loader.camera(c);
-    const double* m = camera.world_to_camera;
-    Json w2c = Json::array();
-    for (size_t r = 0; r < 3; ++r) {
-      w2c.push_back({m[4 * r], m[4 * r + 1], m[4 * r + 2], m[4 * r + 3]});
-    }
-    w2c.push_back({0, 0, 0, 1});
-    cameras.push_back({{"id", capture.cameras[c].source.id},
-                       {"split", capture.cameras[c].split},
-                       {"width", camera.width},
-                       {"height", camera.height},
-                       {"near", camera.near_plane},
-                       {"K", {{camera.fx, 0, camera.cx}, {0, camera.fy, camera.cy}, {0, 0, 1}}},
-                       {"w2c", w2c}});
+    io::Camera camera;
+    camera.id = capture.cameras[c].source.id;
+    camera.split = capture.cameras[c].split;
+    camera.camera = loader.camera(c);
+    set.cameras.push_back(std::move(camera));
   }
-  const Json root = {{"fps", capture.fps}, {"frames", capture.frames}, {"cameras", cameras}};
-  const std::string text = root.dump(1) + "\n";
-  io::OutputFile file(path);
-  file.write(text.data(), text.size());
-  file.commit();
+  io::write_cameras(path, set);
+}
+
+l4d_renderer_options rendering_of(const Settings& settings, uint32_t threads) {
+  l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
+  options.threads = threads;
+  if (settings.backend != "cuda" || !has_cuda_backend()) return options;
+  options.backend = L4D_BACKEND_CUDA;
+  const std::vector<uint32_t> devices = devices_of(settings.devices);
+  if (!devices.empty()) options.device = devices.front();
+  return options;
 }
 
 io::Weights measure_weights(const io::Scene& scene, const Capture& capture,
-                            const ImageLoader& loader, uint32_t threads, uint64_t seed) {
+                            const ImageLoader& loader, const l4d_renderer_options& rendering,
+                            uint64_t seed) {
   std::vector<l4d_camera> cameras;
   for (uint32_t c = 0; c < capture.cameras.size(); ++c) cameras.push_back(loader.camera(c));
   std::vector<l4d_view> views;
   for (const CaptureView& view : capture.views) {
     if (capture.cameras[view.camera].split == "train") views.push_back({view.time, view.camera, 0});
   }
-  l4d_renderer_options options;
-  l4d_renderer_options_init(&options);
-  options.threads = threads;
-  RendererHandle renderer(&options);
+  RendererHandle renderer(&rendering);
   renderer.set_gaussians(scene.view(), scene.timeline);
-  l4d_measure_options measure;
-  l4d_measure_options_init(&measure);
+  l4d_measure_options measure = L4D_INIT(l4d_measure_options);
   measure.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
   measure.seed = seed;
-  l4d_sensitivity* measured = nullptr;
+  io::Weights weights;
+  weights.gauss_newton = true;
+  const auto columns = weights.make_columns(scene.count());
   renderer.check(l4d_measure_importance(
       renderer.get(), cameras.data(), static_cast<uint32_t>(cameras.size()), views.data(),
-      views.size(), &measure, nullptr, nullptr, nullptr, &measured));
-  const SensitivityHandle sensitivity(measured, scene.count());
-  io::Weights weights;
-  weights.count = scene.count();
-  weights.gauss_newton = true;
-  for (const auto& [which, column] : kWeightColumns) {
-    weights.*column = sensitivity.weights(which);
-  }
+      views.size(), &measure, columns.data(), scene.count(), nullptr));
   return weights;
 }
 
@@ -148,22 +124,15 @@ void check_preset(const std::string& preset) {
 
 EncoderHandle make_encoder(const io::Scene& scene, const io::Weights& weights,
                            const std::string& preset, uint32_t threads) {
-  l4d_encoder_options options;
-  l4d_encoder_options_init(&options);
+  l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
   options.threads = threads;
   EncoderHandle encoder(&options);
   encoder.check(l4d_encoder_set_preset(encoder.get(), preset.c_str()));
   const l4d_gaussians gaussians = scene.view();
   encoder.check(l4d_encoder_set_scene(encoder.get(), &gaussians, &scene.timeline, nullptr));
   encoder.check(l4d_encoder_set_presentation(encoder.get(), &scene.presentation));
-  if (weights.gauss_newton) {
-    encoder.check(l4d_encoder_set(encoder.get(), L4D_ENC_WEIGHT_METRIC, L4D_ALL_COMPONENTS,
-                                  L4D_SENSITIVITY_GAUSS_NEWTON));
-  }
-  for (const auto& [which, column] : kWeightColumns) {
-    const std::vector<float>& values = weights.*column;
-    encoder.check(l4d_encoder_set_weights(encoder.get(), which, values.data(), values.size()));
-  }
+  const l4d_importance importance = weights.view();
+  encoder.check(l4d_encoder_set_importance(encoder.get(), &importance));
   return encoder;
 }
 
@@ -171,8 +140,7 @@ uint64_t encode_scene(const std::string& path, const io::Scene& scene, const io:
                       const std::string& preset, uint32_t threads) {
   const EncoderHandle encoder = make_encoder(scene, weights, preset, threads);
   encoder.check(l4d_encoder_encode_file(encoder.get(), path.c_str()));
-  l4d_encode_report report;
-  l4d_encode_report_init(&report);
+  l4d_encode_report report = L4D_INIT(l4d_encode_report);
   encoder.check(l4d_encoder_get_report(encoder.get(), &report));
   return report.file_bytes;
 }

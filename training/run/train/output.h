@@ -8,6 +8,7 @@
 #include "l4d/l4d.hpp"
 #include "training/images/loader.h"
 #include "training/model/state.h"
+#include "training/run/setup/settings.h"
 
 namespace l4d::train {
 
@@ -25,9 +26,14 @@ l4d_presentation as_read(const l4d_presentation& presentation);
 // has its own.
 void write_cameras(const std::string& path, const Capture& capture, const ImageLoader& loader);
 
+// How a run renders what it measures: on the device that trains, the first of several, if one does
+// and it is here.
+l4d_renderer_options rendering_of(const Settings& settings, uint32_t threads);
+
 // The importance of each Gaussian for the training views (l4d_measure_importance).
 io::Weights measure_weights(const io::Scene& scene, const Capture& capture,
-                            const ImageLoader& loader, uint32_t threads, uint64_t seed);
+                            const ImageLoader& loader, const l4d_renderer_options& rendering,
+                            uint64_t seed);
 
 // An encoder of the scene with a preset. It borrows `scene` and `weights`.
 EncoderHandle make_encoder(const io::Scene& scene, const io::Weights& weights,

@@ -12,25 +12,24 @@ namespace l4d::train {
 
 std::vector<float> loss_without(const ModelState& model, const Capture& capture,
                                 const ImageLoader& loader, const std::vector<uint32_t>& views,
-                                uint64_t seed) {
+                                const l4d_renderer_options& rendering, uint64_t seed) {
   std::vector<l4d_camera> cameras;
   for (uint32_t c = 0; c < capture.cameras.size(); ++c) cameras.push_back(loader.camera(c));
   std::vector<l4d_view> measured;
   for (const uint32_t view : views) {
     measured.push_back({capture.views[view].time, capture.views[view].camera, 0});
   }
-  RendererHandle renderer(nullptr);
+  RendererHandle renderer(&rendering);
   renderer.set_gaussians(model.view(), capture.timeline());
-  l4d_measure_options options;
-  l4d_measure_options_init(&options);
+  l4d_measure_options options = L4D_INIT(l4d_measure_options);
   options.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
   options.seed = seed;
-  l4d_sensitivity* handle = nullptr;
-  renderer.check(l4d_measure_importance(
-      renderer.get(), cameras.data(), static_cast<uint32_t>(cameras.size()), measured.data(),
-      measured.size(), &options, nullptr, nullptr, nullptr, &handle));
-  const SensitivityHandle sensitivity(handle, model.count);
-  std::vector<float> loss = sensitivity.weights(L4D_WEIGHT_OPACITY);
+  std::vector<float> loss(model.count);
+  float* weights[L4D_WEIGHT_COUNT] = {};
+  weights[L4D_WEIGHT_OPACITY] = loss.data();
+  renderer.check(l4d_measure_importance(renderer.get(), cameras.data(),
+                                        static_cast<uint32_t>(cameras.size()), measured.data(),
+                                        measured.size(), &options, weights, model.count, nullptr));
   for (size_t i = 0; i < loss.size(); ++i) {
     const float change = linear_opacity(model.value.opacity[i], true) * loss[i];
     loss[i] = change * change;
@@ -42,8 +41,7 @@ std::vector<uint8_t> worth_their_bits(const io::Scene& scene, const io::Weights&
                                       const std::string& preset, uint32_t threads) {
   const EncoderHandle encoder = make_encoder(scene, weights, preset, threads);
   encoder.encode();
-  l4d_encode_report report;
-  l4d_encode_report_init(&report);
+  l4d_encode_report report = L4D_INIT(l4d_encode_report);
   encoder.check(l4d_encoder_get_report(encoder.get(), &report));
   std::vector<uint32_t> order(static_cast<size_t>(report.coded_gaussians));
   encoder.check(l4d_encoder_get_order(encoder.get(), order.data(), order.size()));

@@ -19,7 +19,7 @@ namespace l4d::train {
 // count all alike. Returns [model.count].
 std::vector<float> loss_without(const ModelState& model, const Capture& capture,
                                 const ImageLoader& loader, const std::vector<uint32_t>& views,
-                                uint64_t seed);
+                                const l4d_renderer_options& rendering, uint64_t seed);
 
 // A mask of the rows that an encode of the scene with these weights keeps: the encoder drops rows
 // that cost more bits than they show. threads: 0 = one per core; never changes the result.

@@ -442,7 +442,8 @@ void Trainer::prune(double f) {
   std::vector<uint32_t> measured;
   for (size_t k = 0; k < chosen; ++k) measured.push_back(views[(2 * k + 1) * n / (2 * chosen)]);
   const std::vector<float> loss =
-      loss_without(whole, capture_, loader_, measured, settings_.seed + state_.prunes);
+      loss_without(whole, capture_, loader_, measured, rendering_of(settings_, threads_),
+                   settings_.seed + state_.prunes);
   keep(std::move(whole), most_important(loss, kPruneShare));
   backend_->renew_weights(static_cast<float>(settings_.error_weight));
 }
@@ -454,8 +455,8 @@ void Trainer::settle(double f) {
   ++state_.settles;
   ModelState whole = model();
   const io::Scene scene = scene_of(whole, capture_.timeline());
-  const io::Weights weights =
-      measure_weights(scene, capture_, loader_, threads_, settings_.seed + state_.settles);
+  const io::Weights weights = measure_weights(
+      scene, capture_, loader_, rendering_of(settings_, threads_), settings_.seed + state_.settles);
   keep(std::move(whole), worth_their_bits(scene, weights, settings_.preset, threads_));
   backend_->renew_weights(static_cast<float>(settings_.error_weight));
 }

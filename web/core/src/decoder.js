@@ -1,11 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// The decoder, web/wasm/bridge.cc, over a store of bytes that may lack some: calls answer undefined
-// where bytes lack, and store.missed() says which.
+// l4d.wasm (web/wasm/bridge.cc): the engine of playback and the decoders of its streams.
 import {L4DError, statusError} from './errors.js';
 
 export const infoFields = /** @type {const} */ ([
   'formatMajor', 'formatMinor', 'shDegree', 'tools', 'numLayers', 'numGaussians', 'fileBytes', 'timeBegin',
-  'numFrames', 'rateNumerator', 'rateDenominator', 'duration', 'coordinateSystem', 'colorSpace', 'profile', 'level', 'lastTier'
+  'numFrames', 'rateNumerator', 'rateDenominator', 'duration', 'coordinateSystem', 'colorSpace', 'profile', 'level'
+]);
+const stateFields = /** @type {const} */ ([
+  'stream', 'motion', 'cause', 'rung', 'numRungs', 'ready', 'begin', 'end', 'time', 'at', 'velocity', 'from', 'until', 'wakeAt',
+  'throughput', 'bytes', 'requests', 'live', 'liveDistance', 'shDegree'
+]);
+const itemFields = /** @type {const} */ ([
+  'kind', 'id', 'source', 'flags', 'offset', 'size', 'stream', 'layer', 'bucket', 'detail', 'units', 'event', 'cause', 'time', 'value'
 ]);
 
 /**
@@ -26,10 +32,13 @@ export const infoFields = /** @type {const} */ ([
  */
 /**
  * @typedef {{[K in typeof infoFields[number]]: number} &
- *   {frameRate: number, rendering: Rendering, presentation: Presentation}} Info
+ *   {frameRate: number, lastTier: number, tiers: number[], rendering: Rendering, presentation: Presentation}} Info
  */
 const playbacks = /** @type {const} */ ([null, 'once', 'loop', 'ping-pong']);
-/** @typedef {{layer: number, bucket: number, count: number, center: number, width: number, level: number}} Bucket */
+/** @typedef {{layer: number, bucket: number, count: number, center: number}} Bucket count: Gaussians at most; center: seconds */
+/** @typedef {{[K in typeof stateFields[number]]: number}} State of l4d_playback_state; at: anchor_now, time: anchor_time */
+/** @typedef {{[K in typeof itemFields[number]]: number}} Item of l4d_playback_item */
+/** @typedef {{stream: number, isStanding: boolean, begin: number, end: number, shift: number}} Shown of l4d_shown_member */
 /**
  * @typedef {object} Rows what of a bucket does not change with time (web/wasm/rows.h)
  * @property {number} count
@@ -39,18 +48,8 @@ const playbacks = /** @type {const} */ ([null, 'once', 'loop', 'ping-pong']);
  * @property {Uint16Array} sh [count, shStride]
  */
 
-export const steps = {pageTables: 0, directory: 1, all: 2};
 export const details = {full: 0, base: 1};
-const all = 0xffffffff;
-
-/**
- * What of a stream is wanted: levels up to maxLevel and tiers up to maxTier, all where they are not given.
- * @typedef {{maxLevel?: number, maxTier?: number, detail?: number}} Part
- */
-
-/** @type {Map<number, import('./store.js').ByteStore>} */
-const stores = new Map();
-let nextStream = 1;
+export const all = 0xffffffff;
 
 /**
  * Compiles once; instances share the code and nothing else.
@@ -65,17 +64,9 @@ export const compile = async source => {
   return WebAssembly.compile(it);
 };
 
-/** Decoders of one instance share its memory, and are called one at a time. @param {WebAssembly.Module} module */
-export const instantiate = async module => {
-  /** @type {WebAssembly.Instance} */
-  let instance;
-  const memory = () => /** @type {WebAssembly.Memory} */ (instance.exports.memory);
-  instance = await WebAssembly.instantiate(module, {
-    l4d: {
-      read_at: (/** @type {number} */ id, /** @type {number} */ to, /** @type {number} */ n,
-                /** @type {number} */ offset) =>
-        stores.get(id)?.read(offset, new Uint8Array(memory().buffer, to >>> 0, n >>> 0)) ?? -1
-    },
+/** @param {WebAssembly.Module} module */
+const instantiate = async module => {
+  const instance = await WebAssembly.instantiate(module, {
     env: {emscripten_notify_memory_growth() {}},
     wasi_snapshot_preview1: {
       proc_exit(/** @type {number} */ code) { throw new L4DError('INTERNAL', `the decoder ended (${code})`); },
@@ -86,28 +77,31 @@ export const instantiate = async module => {
   return instance;
 };
 
+/** @param {Float64Array} numbers @param {readonly string[]} names @param {number} at @returns {any} */
+const named = (numbers, names, at) => Object.fromEntries(names.map((name, k) => [name, numbers[at + k]]));
+
 export class Decoder {
-  /** @param {WebAssembly.Instance} instance @param {import('./store.js').ByteStore} store @param {number} stream */
-  constructor(instance, store, stream) {
+  /** @param {WebAssembly.Instance} instance */
+  constructor(instance) {
+    this.instance = instance;
     this.wasm = /** @type {any} */ (instance.exports);
-    this.store = store;
-    this.stream = stream;
     this.handle = 0;
   }
 
   /**
-   * @param {WebAssembly.Module | WebAssembly.Instance} code @param {import('./store.js').ByteStore} store
-   * @param {{maxMemoryBytes?: number, cacheBytes?: number, tolerant?: boolean, acceptNeeds?: boolean}} [options]
-   * acceptNeeds: the stream may be one that shows the scene only together with others
+   * @param {WebAssembly.Module | WebAssembly.Instance} code instances share their memory
+   * @param {{maxMemoryBytes?: number, cacheBytes?: number, maxRows?: number, ahead?: number, timeout?: number, failures?: number,
+   *   tolerant?: boolean, slices?: boolean, live?: import('./movie.js').LiveOptions}} [options] slices: it is for slice() alone, else
+   *   for rows()
    */
-  static async create(code, store, options = {}) {
+  static async create(code, {maxMemoryBytes = 1.5 * 2 ** 30, cacheBytes = 256 * 2 ** 20, maxRows = 2 ** 21, ahead = 6, timeout = 10,
+                             failures = 4, tolerant = true, slices = false, live = {}} = {}) {
     const instance = code instanceof WebAssembly.Module ? await instantiate(code) : code;
-    const stream = nextStream++;
-    stores.set(stream, store);
-    const decoder = new Decoder(instance, store, stream);
-    decoder.handle = decoder.wasm.l4dw_create(stream, options.maxMemoryBytes ?? 1.5 * 2 ** 30,
-                                              options.cacheBytes ?? 64 * 2 ** 20,
-                                              options.tolerant === false ? 0 : 1, options.acceptNeeds ? 1 : 0);
+    const decoder = new Decoder(instance);
+    // What is kept is in blocks of a megabyte.
+    decoder.handle = decoder.wasm.l4dw_create(maxMemoryBytes, Math.max(cacheBytes, 2 ** 20), maxRows, ahead, timeout, failures,
+                                              tolerant ? 0 : 1, slices ? 1 : 0, live.distance ?? 0, live.slowest ?? 0, live.fastest ?? 0,
+                                              live.staleAfter ?? 0);
     if (!decoder.handle) throw new L4DError('OUT_OF_MEMORY', 'no memory for a decoder');
     return decoder;
   }
@@ -115,7 +109,6 @@ export class Decoder {
   dispose() {
     if (this.handle) this.wasm.l4dw_destroy(this.handle);
     this.handle = 0;
-    stores.delete(this.stream);
   }
 
   get memoryBytes() { return this.wasm.memory.buffer.byteLength; }
@@ -128,43 +121,100 @@ export class Decoder {
 
   /** The list that the last call made. */
   #numbers() {
-    return [...new Float64Array(this.wasm.memory.buffer, this.wasm.l4dw_numbers(this.handle),
-                                this.wasm.l4dw_num_numbers(this.handle))];
+    return new Float64Array(this.wasm.memory.buffer, this.wasm.l4dw_numbers(this.handle), this.wasm.l4dw_num_numbers(this.handle));
   }
 
-  /**
-   * Calls l4dw_NAME. Undefined: bytes lack.
-   * @param {string} name @param {...number} args @returns {number[] | undefined}
-   */
-  #call(name, ...args) {
-    this.store.misses.length = 0;
+  /** Of the status of a call. @param {number} status */
+  errorOf(status) { return Object.assign(L4DError.fromStatus(this.#text(this.wasm.l4dw_status_name(status)), this.#text(this.wasm.l4dw_error())), {status}); }
+
+  /** Calls l4dw_NAME. @param {string} name @param {...number} args @returns {Float64Array} good until the next call */
+  call(name, ...args) {
     const status = this.wasm[`l4dw_${name}`](this.handle, ...args);
-    // A tolerant decoder goes on without what it cannot read: the reader fetches that all the same.
-    if (this.store.misses.length > 0) return undefined;
-    if (status !== 0) {
-      throw L4DError.fromStatus(this.#text(this.wasm.l4dw_status_name(status)),
-                                this.#text(this.wasm.l4dw_error(this.handle)));
-    }
+    if (status !== 0) throw this.errorOf(status);
     return this.#numbers();
   }
 
-  /** @param {number} at @param {number} length */
-  #floats(at, length) { return new Float32Array(this.wasm.memory.buffer, at, length); }
+  /** Where what a call takes lies. @param {Uint8Array} bytes */
+  #put(bytes) {
+    const at = this.wasm.l4dw_input(this.handle, bytes.length);
+    if (!at) throw new L4DError('OUT_OF_MEMORY', 'no memory for bytes that came');
+    new Uint8Array(this.wasm.memory.buffer, at, bytes.length).set(bytes);
+  }
 
-  /** @returns {true | undefined} */
-  open() { return this.#call('open', this.store.size) && true; }
+  // ---- the engine: include/l4d/playback.h. Times are seconds.
+
+  /** @param {number} now @param {string} uri @param {boolean} isPlaylist of several streams */
+  open(now, uri, isPlaylist) {
+    this.#put(new TextEncoder().encode(`${uri}\0`));
+    this.call('open', now, isPlaylist ? 1 : 0);
+  }
+
+  /** @param {number} now @param {number} id of the request @param {Uint8Array} bytes */
+  received(now, id, bytes) {
+    this.#put(bytes);
+    this.call('received', now, id, bytes.length);
+  }
+
+  /** What is to be done; there may be more. @param {number} now @returns {{state: State, items: Item[]}} */
+  update(now) {
+    const numbers = this.call('update', now);
+    const items = [];
+    for (let at = stateFields.length; at < numbers.length; at += itemFields.length) items.push(named(numbers, itemFields, at));
+    return {state: named(numbers, stateFields, 0), items};
+  }
+
+  /** @param {number} source */
+  uri(source) { return this.#text(this.wasm.l4dw_uri(this.handle, source)); }
+
+  /** What can be shown without another byte, near the instant. @returns {[number, number][]} */
+  buffered() {
+    const n = this.call('buffered');
+    return Array.from({length: n.length / 2}, (_, k) => [n[2 * k], n[2 * k + 1]]);
+  }
+
+  /** Streams and when they are shown: a media member, and after it what it needs. @returns {Shown[]} */
+  shown() {
+    const n = this.call('shown').slice();
+    return Array.from({length: n.length / 5}, (_, k) => {
+      const [stream, standing, begin, end, shift] = n.subarray(5 * k, 5 * k + 5);
+      return {stream, isStanding: standing === 1, begin, end, shift};
+    });
+  }
+
+  /**
+   * The 3D Gaussians of an instant that is ready, of all streams that are shown.
+   * @param {number} time @param {boolean} sh @returns {import('./movie.js').Slice}
+   */
+  slice(time, sh) {
+    const [count, shDegree, position, covariance, opacity, coefficients] = this.call('slice', time, sh ? 1 : 0);
+    const slice = {
+      count, shDegree, position: this.#floats(position, 3 * count), covariance: this.#floats(covariance, 6 * count),
+      opacity: this.#floats(opacity, count), sh: sh ? this.#floats(coefficients, 3 * (shDegree + 1) ** 2 * count) : null
+    };
+    this.wasm.l4dw_release(this.handle);
+    return slice;
+  }
+
+  // ---- streams
+
+  /** The stream that the calls below are of. @param {number} stream */
+  select(stream) { this.call('select', stream); }
+
+  /** @param {number} at @param {number} length */
+  #floats(at, length) { return new Float32Array(this.wasm.memory.buffer, at, length).slice(); }
 
   /** @returns {Info} */
   info() {
-    const numbers = this.#call('info') ?? [];
-    const info = Object.fromEntries(infoFields.map((name, k) => [name, numbers[k]]));
-    return /** @type {any} */ ({...info, frameRate: info.rateNumerator / info.rateDenominator, ...this.#statements()});
+    const numbers = this.call('info');
+    const info = named(numbers, infoFields, 0);
+    const tiers = [...new Set(numbers.subarray(infoFields.length))].sort((a, b) => a - b);
+    return {...info, tiers, lastTier: tiers.at(-1) ?? 0, frameRate: info.rateNumerator / info.rateDenominator, ...this.#statements()};
   }
 
   /** @returns {{rendering: Rendering, presentation: Presentation}} */
   #statements() {
-    const n = this.#call('statements') ?? [];
-    const vector = (/** @type {number} */ k) => /** @type {Vector} */ (n.slice(k, k + 3));
+    const n = this.call('statements').slice();
+    const vector = (/** @type {number} */ k) => /** @type {Vector} */ ([...n.subarray(k, k + 3)]);
     const [dilation, cutoff, minAlpha, maxAlpha, compensation, playback, metresPerUnit, hasBounds] = n;
     return {
       rendering: {dilation, cutoff, minAlpha, maxAlpha, compensation: compensation === 1},
@@ -178,56 +228,13 @@ export class Decoder {
   }
 
   /**
-   * The buckets that show any instant of [begin, end].
-   * @param {number} begin @param {number} end @param {Part} [part] @returns {Bucket[] | undefined}
+   * @param {number} layer @param {number} bucket @param {number} detail
+   * @param {number} [shDegree] of the rows, if that is more than the stream has @returns {Rows}
    */
-  buckets(begin, end, {maxLevel = all, maxTier = all} = {}) {
-    const n = this.#call('buckets', begin, end, maxLevel, maxTier);
-    return n && Array.from({length: n.length / 6}, (_, k) => {
-      const [layer, bucket, count, center, width, level] = n.slice(6 * k, 6 * k + 6);
-      return {layer, bucket, count, center, width, level};
-    });
-  }
-
-  /**
-   * The ranges of bytes that buckets() reads, and with steps.all the pages too.
-   * @param {number} begin @param {number} end @param {Part} part @param {number} step
-   * @returns {[number, number][] | undefined}
-   */
-  windowReads(begin, end, {maxLevel = all, maxTier = all, detail = details.full}, step) {
-    return this.#ranges(this.#call('window_reads', begin, end, maxLevel, maxTier, detail, step));
-  }
-
-  /**
-   * @param {Bucket[]} buckets @param {number} detail @param {number} step
-   * @returns {[number, number][] | undefined}
-   */
-  bucketReads(buckets, detail, step) {
-    const sorted = [...buckets].sort((a, b) => a.layer - b.layer || a.bucket - b.bucket);
-    const at = this.wasm.malloc(8 * Math.max(sorted.length, 1));
-    if (!at) throw new L4DError('OUT_OF_MEMORY', 'no memory for a list of buckets');
-    new Uint32Array(this.wasm.memory.buffer, at, 2 * sorted.length)
-      .set(sorted.flatMap(b => [b.layer, b.bucket]));
-    try {
-      return this.#ranges(this.#call('bucket_reads', at, sorted.length, detail, step));
-    } finally {
-      this.wasm.free(at);
-    }
-  }
-
-  /** @param {number[] | undefined} n @returns {[number, number][] | undefined} */
-  #ranges(n) {
-    return n && Array.from({length: n.length / 2}, (_, k) => [n[2 * k], n[2 * k + 1]]);
-  }
-
-  /** @param {number} layer @param {number} bucket @param {number} detail @returns {Rows | undefined} */
-  rows(layer, bucket, detail) {
-    const n = this.#call('rows', layer, bucket, detail);
-    if (!n) return undefined;
-    const [count, shStride, center, geometry, sh] = n;
+  rows(layer, bucket, detail, shDegree = 0) {
+    const [count, shStride, center, geometry, sh] = this.call('rows', layer, bucket, detail, shDegree);
     const rows = {
-      count, shStride, center,
-      geometry: this.#floats(geometry, 16 * count).slice(),
+      count, shStride, center, geometry: this.#floats(geometry, 16 * count),
       sh: new Uint16Array(this.wasm.memory.buffer, sh, shStride * count).slice()
     };
     this.wasm.l4dw_release(this.handle);
@@ -235,79 +242,29 @@ export class Decoder {
   }
 
   /**
-   * The 3D Gaussians of an instant.
-   * @param {number} time @param {{sh?: boolean, detail?: number, maxTier?: number}} [options]
-   * @returns {import('./movie.js').Slice | undefined}
-   */
-  slice(time, {sh = true, detail = details.full, maxTier = all} = {}) {
-    const n = this.#call('slice', time, maxTier, detail, sh ? 1 : 0);
-    if (!n) return undefined;
-    const [count, position, covariance, opacity, coefficients] = n;
-    const {shDegree} = this.info();
-    const terms = 3 * (shDegree + 1) ** 2;
-    const out = {
-      count, shDegree,
-      position: this.#floats(position, 3 * count).slice(),
-      covariance: this.#floats(covariance, 6 * count).slice(),
-      opacity: this.#floats(opacity, count).slice(),
-      sh: sh ? this.#floats(coefficients, terms * count).slice() : null
-    };
-    this.wasm.l4dw_release(this.handle);
-    return out;
-  }
-
-  /**
    * Attributes as the stream has them, of everything or of [begin, end]. `window` is there if the stream has flat
    * windows: [count, 2] frames, 0 0 where a Gaussian has none.
    * @param {number} [begin] @param {number} [end] @param {number} [detail]
-   * @returns {Record<string, Float32Array | Uint32Array> | undefined}
+   * @returns {Record<string, Float32Array | Uint32Array>}
    */
   decode(begin = 1, end = 0, detail = details.full) {
-    const n = this.#call('decode', begin, end, detail);
-    if (!n) return undefined;
     const terms = 3 * (this.info().shDegree + 1) ** 2;
+    const n = this.call('decode', begin, end, detail);
     const names = ['position', 'mean_t', 'mean_t_local', 'log_scale', 'rotor', 'opacity', 'sh'];
     const widths = [3, 1, 1, 4, 8, 1, terms];
     /** @type {Record<string, Float32Array | Uint32Array>} */
-    const out = Object.fromEntries(names.map((name, k) =>
-      [name, this.#floats(n[k + 1], n[0] * widths[k]).slice()]));
-    const [hasWindows, windows] = n.slice(1 + names.length);
+    const out = Object.fromEntries(names.map((name, k) => [name, this.#floats(n[k + 1], n[0] * widths[k])]));
+    const [hasWindows, windows] = n.subarray(1 + names.length);
     if (hasWindows) out.window = new Uint32Array(this.wasm.memory.buffer, windows, 2 * n[0]).slice();
     this.wasm.l4dw_release(this.handle);
     return out;
   }
 
-  /** Begins to measure a link, for a ladder of so many rungs (include/l4d/rate.h). @param {number} rungs */
-  beginRate(rungs) { this.#call('rate_begin', rungs); }
-
-  /**
-   * A request was sent, its first and its last byte arrived, in seconds; in the order in which they end.
-   * @param {number} sent @param {number} first @param {number} last @param {number} bytes
-   */
-  addTransfer(sent, first, last, bytes) { this.#call('rate_add', sent, first, last, bytes); }
-
-  /**
-   * Which rung to fetch, and with what the link has left.
-   * @param {{buffered: number, missing: number}[]} states of all rungs, seconds and bytes
-   */
-  chooseRung(states) {
-    const at = this.wasm.malloc(16 * states.length);
-    if (!at) throw new L4DError('OUT_OF_MEMORY', 'no memory for a list of rungs');
-    new Float64Array(this.wasm.memory.buffer, at, 2 * states.length).set(states.flatMap(s => [s.buffered, s.missing]));
-    try {
-      const [rung, fillRung, cancel, mergeGap, maxRangeBytes, throughput, roundTrip] =
-        this.#call('rate_choose', at, states.length) ?? [];
-      return {rung, fillRung, cancel, mergeGap, maxRangeBytes, throughput, roundTrip};
-    } finally {
-      this.wasm.free(at);
-    }
-  }
-
-  /** What the last call has lost. */
+  /** What the last call of a stream has lost. */
   losses() {
-    const n = this.#call('losses') ?? [];
+    const n = this.call('losses').slice();
     return Array.from({length: n.length / 7}, (_, k) => {
-      const [status, layer, bucket, gaussians, offset, clause, detailOnly] = n.slice(7 * k, 7 * k + 7);
+      const [status, layer, bucket, gaussians, offset, clause, detailOnly] = n.subarray(7 * k, 7 * k + 7);
       return {
         code: this.#text(this.wasm.l4dw_status_name(status)).replace(/^L4D_ERR_/, ''),
         layer, bucket, gaussians, offset, clause: this.#text(clause), detailOnly: detailOnly === 1

@@ -5,6 +5,7 @@ export {frameOfTime} from './timeline.js';
 export {inlined, startWorker, trustedHtml, workerFrom} from './workers.js';
 
 /** @typedef {import('./movie.js').BucketRows} BucketRows */
+/** @typedef {import('./movie.js').LiveOptions} LiveOptions */
 /** @typedef {import('./movie.js').Loss} Loss */
 /** @typedef {import('./movie.js').OpenOptions} OpenOptions */
 /** @typedef {import('./movie.js').Slice} Slice */

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-import {Clock} from './clock.js';
 import {Emitter} from './emitter.js';
 import {abortError, L4DError} from './errors.js';
-import {Spans} from './spans.js';
 import {frameOfTime} from './timeline.js';
 import {inlined, startWorker} from './workers.js';
 
@@ -33,6 +31,12 @@ import {inlined, startWorker} from './workers.js';
  * @property {number} [begin] @property {number} [end] seconds: all of the member is lost
  */
 /**
+ * @typedef {object} LiveOptions
+ * @property {number} [distance] seconds behind the end (two target durations of the playlist)
+ * @property {number} [slowest] @property {number} [fastest] factors of the rate on the way there (0.95, 1.05)
+ * @property {number} [staleAfter] seconds without growth, after which it is stale (three target durations, at least 6)
+ */
+/**
  * @typedef {object} OpenOptions
  * @property {AbortSignal} [signal]
  * @property {number} [cacheBytes] of the file, kept in memory for later (256 MiB); what the present instant needs stays whatever
@@ -49,11 +53,15 @@ import {inlined, startWorker} from './workers.js';
  * @property {(string | URL)[]} [bases] addresses of folders with the same files, the first of which the source is relative to:
  *   what fails at one is sent to the next
  * @property {boolean} [playlist] of several streams (whether the path of the URL ends with .m3u8)
+ * @property {LiveOptions} [live] how a playlist that grows is followed
  * @property {string | URL} [wasmUrl] where l4d.wasm lies (beside this module)
  * @property {() => Worker} [worker] makes the worker, for pages that bundle it themselves
  */
 
 /** @typedef {Partial<import('./link.js').Request> | void} RequestChange */
+
+/** @type {Record<string, [number, number]>} */
+const liveRanges = {distance: [0, 3600], slowest: [0.5, 1], fastest: [1, 2], staleAfter: [0, 86400]};
 
 /**
  * Opens a stream.
@@ -67,6 +75,12 @@ export const open = async (from, options = {}) => {
     if (value === undefined || typeof value === 'number' && value >= 0) continue;
     throw invalid(`${name} is ${String(value)}; it must be a number from 0`);
   }
+  for (const [name, value] of Object.entries(options.live ?? {})) {
+    const [least, most] = liveRanges[name] ?? [];
+    if (least === undefined) throw invalid(`live.${name} is unknown; live has ${Object.keys(liveRanges).join(', ')}`);
+    if (value === undefined || value >= least && value <= most) continue;
+    throw invalid(`live.${name} is ${String(value)}; it must be from ${least} to ${most}`);
+  }
   const movie = new Movie(options);
   try {
     await movie.start(from);
@@ -76,6 +90,15 @@ export const open = async (from, options = {}) => {
     throw error;
   }
 };
+
+/** Of requestAnimationFrame, where there is one. @type {(fn: () => void) => void} */
+const nextFrame = typeof requestAnimationFrame === 'function' ? requestAnimationFrame.bind(globalThis) : fn => void setTimeout(fn, 16);
+/** Seconds of the clock that the worker has, too. */
+const clock = () => (performance.timeOrigin + performance.now()) / 1000;
+const playbacks = /** @type {const} */ (['once', 'loop', 'ping-pong']);
+const near = 0.15;  // seconds that a movie may be away from the sound that it follows
+/** @typedef {import('./decoder.js').Shown} Shown */
+/** @typedef {import('./decoder.js').Shown & {members: Shown[]}} Span a media member, and all that is shown with it */
 
 /** @param {string} message */
 const invalid = message => new L4DError('INVALID_ARGUMENT', message);
@@ -108,10 +131,22 @@ const addressOf = (address, base = globalThis.location?.href) => {
   }
 };
 
+/** @param {Shown[]} shown in the order of time, what is shown with a media member after it @returns {Span[]} */
+const spansOf = shown => {
+  /** @type {Span[]} */
+  const spans = [];
+  for (const member of shown) {
+    if (member.isStanding) spans.at(-1)?.members.push(member);
+    else spans.push({...member, members: [member]});
+  }
+  return spans;
+};
+
 /**
- * An open stream with a clock. Events: 'time' (seconds), 'play', 'pause', 'ended', 'stall', 'resume',
- * 'ready', 'progress', 'loss', 'error', 'rows', 'removed', 'retry'. Of a presentation of several streams also 'span' (the
- * media member that is shown from now on), 'grown' (it has become longer, or has ended) and 'info' (`info` has changed).
+ * An open stream, and its time, which an engine in the worker moves. Events: 'time' (seconds), 'play', 'pause', 'ended', 'stall',
+ * 'resume', 'ready', 'progress', 'loss', 'error', 'rows', 'removed', 'retry'. Of a presentation of several streams also 'span' (the
+ * media member that is shown from now on), 'grown' (it has become longer, or has ended), 'live' (`liveState` is another one), 'jumped'
+ * (it was too far behind, and goes on at `time`) and 'info' (`info` has changed).
  * 'refreshed' comes before what refresh() sends again.
  */
 export class Movie extends Emitter {
@@ -124,9 +159,9 @@ export class Movie extends Emitter {
     /** @type {Map<number, {resolve: (value: any) => void, reject: (reason: any) => void}>} */
     this.calls = new Map();
     this.nextId = 1;
-    /** Counts seeks and changes of what is shown: the worker may still answer an earlier one. */
+    /** Counts commands: what the worker says before it knows of the last one is not true any more. */
     this.turn = 0;
-    /** @type {import('./session.js').MovieInfo} */
+    /** @type {import('./engine.js').MovieInfo} */
     this.info = /** @type {any} */ (null);
     this.buffered = /** @type {[number, number][]} */ ([]);
     this.statistics = {bytes: 0, throughput: 0, rows: 0, lost: 0, requests: 0, decodeSeconds: 0, memoryBytes: 0};
@@ -145,16 +180,26 @@ export class Movie extends Emitter {
     /** What cannot be shown, as far as it is known: of what has been wanted. @type {Loss[]} */
     this.losses = [];
     this.disposed = false;
-    /** Of a presentation of several streams. @type {Spans | null} */
+    /** Of a presentation of several streams. @type {Span[] | null} */
     this.spans = null;
     /** @type {Map<number, import('./timeline.js').Timeline>} of its streams that are open */
     this.timelines = new Map();
-    /** @type {import('./playlist.js').Member | null} */
-    this.shownMember = null;
     this.isLive = false;
     /** @type {number | null} of a playlist */
     this.firstTime = null;
     this.behind = 0;
+    // Of the time.
+    this.time = 0;
+    /** Where the time is at a moment, how fast it moves from there, and within what. */
+    this.anchor = {time: 0, at: 0, velocity: 0, from: -Infinity, until: Infinity};
+    this.isPaused = true;
+    this.isStalled = false;
+    this.rateWanted = 1;
+    /** @type {'once' | 'loop' | 'ping-pong'} */
+    this.playbackWanted = 'once';
+    /** @type {HTMLMediaElement | null} whose time it follows */
+    this.media = null;
+    this.isTicking = false;
     this.worker.onmessage = event => this.#receive(event.data);
     this.worker.onerror = event => this.#fail(new L4DError(
       'INTERNAL', event.message ?? 'the worker did not start; a content security policy must allow it (worker-src)'));
@@ -164,7 +209,7 @@ export class Movie extends Emitter {
   async start(from) {
     /** @type {any} */
     const source = {};
-    const {headers, credentials, cache, timeout, retries, request} = this.options;
+    const {headers, credentials, cache, timeout, retries = 3, request, live} = this.options;
     const bases = (this.options.bases ?? []).map(base => addressOf(base));
     /** @type {Transferable[]} */
     const transfer = [];
@@ -180,21 +225,20 @@ export class Movie extends Emitter {
     const isPlaylist = source.url !== undefined &&
       (this.options.playlist ?? /\.m3u8$/i.test(new URL(source.url).pathname));
     const {playlist, ...info} = await this.#call('open', {
-      source, isPlaylist, wasm, wasmUrl, options: {cacheBytes, maxRows, tolerant},
-      link: {headers, credentials, cache, timeout, retries, bases}, asks: request !== undefined
+      source, isPlaylist, wasm, wasmUrl, options: {cacheBytes, maxRows, tolerant, timeout, failures: retries + 1, live},
+      link: {headers, credentials, cache, bases}, asks: request !== undefined
     }, this.options.signal, transfer);
     this.info = info;
     this.maxRows = info.maxRows;
+    this.time = this.timeBegin;
     if (playlist) {
-      this.behind = this.timeEnd - playlist.startTime;
-      this.spans = new Spans(playlist.members);
+      this.behind = playlist.distance;
+      this.spans = spansOf(playlist.members);
       this.isLive = playlist.live;
       if (!playlist.live) this.firstTime = playlist.startTime;
-      this.on('time', time => this.#showSpan(time));
     }
-    this.clock = new Clock(this);
-    this.clock.time = this.startTime;
-    this.#want(this.clock.time, true);
+    this.#anchor(this.startTime);
+    this.#order('seek', {time: this.startTime, id: this.nextId++});
   }
 
   get duration() { return this.info.duration; }
@@ -209,40 +253,63 @@ export class Movie extends Emitter {
   }
   /** Whether it is still being made: `timeEnd` grows. */
   get live() { return this.isLive; }
-  get currentTime() { return this.clock?.time ?? 0; }
+  /** How that goes: 'on-time', 'behind', 'stale', 'restarted', 'ended'; '': it is no recording. */
+  liveState = '';
+  get currentTime() { return this.time; }
   set currentTime(time) { void this.seek(time).catch(() => {}); }
-  get paused() { return this.clock?.paused ?? true; }
-  get rate() { return this.clock?.rate ?? 1; }
+  get paused() { return this.isPaused; }
+  get rate() { return this.rateWanted; }
   set rate(rate) {
     if (typeof rate !== 'number' || !Number.isFinite(rate)) throw invalid(`a rate is a finite number, not ${rate}`);
-    if (this.clock) this.clock.rate = rate;
+    this.rateWanted = rate;
+    this.#setMotion();
   }
   get loop() { return this.playback === 'loop'; }
   set loop(loop) { this.playback = loop ? 'loop' : 'once'; }
   /** What comes after the end. 'ping-pong': all of it backwards. @returns {'once' | 'loop' | 'ping-pong'} */
-  get playback() { return this.clock?.playback ?? 'once'; }
+  get playback() { return this.playbackWanted; }
   set playback(playback) {
-    if (!['once', 'loop', 'ping-pong'].includes(playback)) throw invalid(`playback is once, loop or ping-pong, not ${playback}`);
-    this.clock?.setPlayback(playback);
+    if (!playbacks.includes(playback)) throw invalid(`playback is once, loop or ping-pong, not ${playback}`);
+    this.playbackWanted = playback;
+    this.#setMotion();
   }
   get detail() { return this.detailWanted; }
-  set detail(detail) { this.setDetail(detail); this.#want(this.currentTime, true); }
-  /** As `detail`, but of what comes next. @param {'auto' | 'base' | 'full'} detail */
-  setDetail(detail) { this.detailWanted = detailOf(detail, ['auto', 'base', 'full']); }
+  set detail(detail) {
+    this.detailWanted = detailOf(detail, ['auto', 'base', 'full']);
+    this.#setQuality();
+  }
+  /** @param {'auto' | 'base' | 'full'} detail */
+  setDetail(detail) { this.detail = detail; }
   /** The finest temporal level that is shown. */
   get maxLevel() { return this.levelLimit; }
   set maxLevel(level) {
     this.levelLimit = limitOf('maxLevel', level);
-    this.#want(this.currentTime, true);
+    this.#setQuality();
     this.emit('level', this.levelLimit);
   }
   /** The last tier that is fetched and shown: the first, 0, is a coarse picture. `info.lastTier` is the last that there is. */
   get maxTier() { return this.tierLimit; }
   set maxTier(tier) {
     this.tierLimit = limitOf('maxTier', tier);
-    this.#want(this.currentTime, true);
+    this.#setQuality();
     this.emit('tier', this.tierLimit);
   }
+
+  /** What is shown at a time: between spans, what is seen at their ends. @param {number} time @returns {{span: Span, time: number}} */
+  #spanAt(time) {
+    const spans = /** @type {Span[]} */ (this.spans);
+    let low = 0, high = spans.length;  // the first that begins later
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (spans[middle].begin > time) high = middle;
+      else low = middle + 1;
+    }
+    const [before, after] = [spans[low - 1], spans[low]];
+    const isNext = !before || after && time >= before.end && after.begin - time < time - before.end;
+    const span = isNext ? after : before;
+    return {span, time: Math.min(Math.max(time, span.begin), span.end)};
+  }
+
   /**
    * The streams that are shown at a time: rows of others are not. `time` is in seconds of the stream, `frame` is the one that
    * it belongs to. A file of one stream has the one of number 0.
@@ -250,14 +317,14 @@ export class Movie extends Emitter {
    */
   streamsAt(time) {
     if (!this.spans) return [{stream: 0, time, frame: frameOfTime(this.info, time)}];
-    const shown = this.spans.shownAt(time);
+    const shown = this.#spanAt(time);
     const streams = [];
-    for (const {number, shift} of shown.members) {
-      const timeline = this.timelines.get(number);
+    for (const {stream, shift} of shown.span.members) {
+      const timeline = this.timelines.get(stream);
       if (!timeline) continue;
       const {timeBegin, duration} = timeline;
       const own = Math.min(Math.max(shown.time - shift, timeBegin), timeBegin + duration);
-      streams.push({stream: number, time: own, frame: frameOfTime(timeline, own)});
+      streams.push({stream, time: own, frame: frameOfTime(timeline, own)});
     }
     return streams;
   }
@@ -269,18 +336,43 @@ export class Movie extends Emitter {
   }
 
   play() {
-    this.clock?.play();
-    this.#want(this.currentTime, false);
+    if (!this.isPaused) return;
+    this.isPaused = false;
+    const {time, rateWanted: rate} = this;
+    const isTurning = this.playback === 'ping-pong';
+    if (time >= this.timeEnd && rate > 0 && !this.live && !isTurning) void this.seek(this.timeBegin).catch(() => {});
+    if (time <= this.timeBegin && rate < 0 && !isTurning) void this.seek(this.timeEnd).catch(() => {});
+    this.#order('play');
+    this.emit('play');
+    this.#tick();
   }
-  pause() { this.clock?.pause(); }
+
+  pause() {
+    if (this.isPaused) return;
+    this.#move();
+    this.isPaused = true;
+    this.isStalled = false;
+    this.anchor.velocity = 0;
+    this.anchor.time = this.time;
+    this.#order('pause');
+    this.emit('pause');
+  }
+
   /** Takes the time from an audio or video element; null: from the clock again. @param {HTMLMediaElement | null} media */
-  sync(media) { this.clock?.sync(media); }
+  sync(media) {
+    this.media = media;
+    this.#setMotion();
+    if (media) this.#tick();
+  }
 
   /**
    * Resolves when the instant can be shown, in base colours at least.
-   * @param {number} time seconds @param {{signal?: AbortSignal}} [options] @returns {Promise<void>}
+   * @param {number} time seconds
+   * @param {{signal?: AbortSignal, tolerance?: number}} [options] tolerance: so many seconds away is near enough, as while a finger
+   *   drags: one instant after the other is shown, the newest last
+   * @returns {Promise<void>}
    */
-  seek(time, {signal} = {}) {
+  seek(time, {signal, tolerance = 0} = {}) {
     if (signal?.aborted) return Promise.reject(abortError());
     if (this.disposed) return Promise.reject(abortError('disposed'));
     if (!Number.isFinite(time)) return Promise.reject(notTime(time));
@@ -294,10 +386,14 @@ export class Movie extends Emitter {
         reject(abortError());
       }, {once: true});
     });
-    this.ready = {from: at, until: -Infinity, detail: 'none', tier: 0};
+    // While it drags, what is shown stays until there is more.
+    if (tolerance === 0) {
+      this.ready = {from: at, until: -Infinity, detail: 'none', tier: 0};
+      this.#anchor(at);
+    }
     this.hasFailed = false;
-    this.#want(at, true, id);
-    this.clock?.jump(at);
+    this.#order('seek', {time: at, id, tolerance});
+    this.#setTime(at);
     return /** @type {Promise<void>} */ (result);
   }
 
@@ -340,21 +436,14 @@ export class Movie extends Emitter {
   }
 
   /** Sends all rows again, to a listener that is new. */
-  refresh() { this.worker.postMessage({type: 'refresh'}); }
+  refresh() { this.#order('refresh'); }
 
   /** Brings `statistics` up to date, which events 'progress' do a few times a second. */
   async refreshStatistics() { this.statistics = await this.#call('statistics', {}); }
 
-  /** Called by the clock: fetch ahead of `time`, backwards in ping-pong also before it. @param {number} time */
-  advance(time) {
-    const back = (this.clock?.direction ?? 1) < 0 ? 3 * Math.max(1, Math.abs(this.rate)) : 0;
-    this.#want(Math.max(time - back, this.timeBegin), false);
-  }
-
   dispose() {
     if (this.disposed) return;
     this.disposed = true;
-    this.clock?.dispose();
     this.worker.postMessage({type: 'dispose'});
     const gone = abortError('disposed');
     for (const {reject} of this.calls.values()) reject(gone);
@@ -364,13 +453,24 @@ export class Movie extends Emitter {
     this.listeners.clear();
   }
 
-  /** @param {number} time @param {boolean} seek @param {number} [id] */
-  #want(time, seek, id) {
-    const ahead = 6 * Math.max(1, Math.abs(this.rate));
-    if (seek) ++this.turn;
-    this.worker.postMessage({type: 'want', seek, goal: {
-      time, ahead, detail: this.detailWanted, maxLevel: this.levelLimit, maxTier: this.tierLimit,
-      playing: !this.paused, rate: this.rate, id, turn: this.turn}});
+  // ---- to the worker
+
+  /** A command, which what the worker says from then on follows. @param {string} type @param {any} [message] */
+  #order(type, message = {}) {
+    this.worker.postMessage({type, turn: ++this.turn, ...message});
+    if (type === 'seek') this.seekTurn = this.turn;
+  }
+  seekTurn = 0;
+
+  #setMotion() {
+    if (!this.info) return;
+    const factor = this.media?.playbackRate ?? 1;
+    this.#order('motion', {rate: this.rateWanted * factor, mode: playbacks.indexOf(this.playbackWanted)});
+  }
+
+  #setQuality() {
+    const detail = this.detailWanted === 'base' ? 1 : 0;
+    this.#order('quality', {quality: {maxLevel: this.levelLimit, maxTier: this.tierLimit, detail}});
   }
 
   /** @param {string} type @param {any} message @param {AbortSignal} [signal] @param {Transferable[]} [transfer] @returns {Promise<any>} */
@@ -387,6 +487,62 @@ export class Movie extends Emitter {
     });
   }
 
+  // ---- time
+
+  /** Rests at a time until the worker says more. @param {number} time */
+  #anchor(time) {
+    this.anchor = {time, at: clock(), velocity: 0, from: -Infinity, until: Infinity};
+    this.time = time;
+  }
+
+  /** @param {number} time */
+  #setTime(time) {
+    this.time = time;
+    if (this.spans && this.spans.length > 0) this.#showSpan(time);
+    this.emit('time', time);
+  }
+
+  /** To where the time is now. */
+  #move() {
+    const {time, at, velocity, from, until} = this.anchor;
+    const now = Math.min(Math.max(time + (clock() - at) * velocity, from), until);
+    if (now !== this.time) this.#setTime(now);
+  }
+
+  /** Follows the sound; the worker fetches what comes next as if it was its own time. @param {HTMLMediaElement} media */
+  #follow(media) {
+    const time = Math.min(this.timeBegin + media.currentTime, this.timeEnd);
+    if (media.paused !== this.isFollowPaused) {
+      this.isFollowPaused = media.paused;
+      this.#order(media.paused ? 'pause' : 'play');
+    }
+    const {time: from, at, velocity} = this.anchor;
+    const now = clock();
+    const isAway = Math.abs(from + (now - at) * velocity - time) > near;
+    if (isAway && now - this.followedAt > 0.25) {
+      this.followedAt = now;
+      this.#order('seek', {time, id: this.nextId++});
+    }
+    if (Math.abs(time - this.time) > 1e-6) this.#setTime(time);
+  }
+  isFollowPaused = true;
+  followedAt = 0;
+
+  /** Moves frame by frame, while there is something to move. */
+  #tick() {
+    if (this.isTicking || this.disposed || this.isPaused && !this.media) return;
+    this.isTicking = true;
+    nextFrame(() => {
+      this.isTicking = false;
+      if (this.disposed) return;
+      if (this.media) this.#follow(this.media);
+      else if (!this.isPaused) this.#move();
+      this.#tick();
+    });
+  }
+
+  // ---- what the worker says
+
   /** @param {any} data */
   #receive(data) {
     const {type, ...rest} = data;
@@ -397,12 +553,17 @@ export class Movie extends Emitter {
       else call?.resolve(data.result);
     } else if (type === 'request') {
       void this.#change(data);
-    } else if (type === 'ready') {
-      this.#ready(rest);
+    } else if (type === 'state') {
+      this.#setState(rest);
+    } else if (type === 'wrapped') {
+      // Both ends are seen, however seldom frames are.
+      if (!this.isPaused && !this.media) this.#setTime(data.time);
+    } else if (type === 'shown') {
+      if (this.seeking?.id === data.id) this.shownSeek = data.id;
     } else if (type === 'error') {
       // Of an earlier instant: the one of now is still tried.
-      if (data.turn !== undefined && data.turn !== this.turn) return;
-      this.#fail(errorOf(data.error));
+      const isOld = data.id ? data.id !== this.seeking?.id : data.turn < this.seekTurn;
+      if (!isOld) this.#fail(errorOf(data.error));
     } else if (type === 'progress') {
       const {buffered, ...statistics} = rest;
       this.buffered = buffered;
@@ -416,6 +577,11 @@ export class Movie extends Emitter {
       this.timelines.delete(data.number);
     } else if (type === 'grown') {
       this.#grow(data);
+    } else if (type === 'live') {
+      this.liveState = data.state;
+      this.emit('live', rest);
+    } else if (type === 'size') {
+      this.info = {...this.info, fileBytes: data.bytes};
     } else if (type === 'info') {
       const {timeBegin, duration, numFrames} = this.info;
       this.info = {...data.info, timeBegin, duration, numFrames};
@@ -427,6 +593,35 @@ export class Movie extends Emitter {
     } else {
       this.emit(type, rest);
     }
+  }
+  shownSeek = 0;
+
+  /** @param {any} state of the engine */
+  #setState({turn, id, isPlaying, isWaiting, hasEnded, from, until, time, at, velocity, tier, detail}) {
+    if (turn !== this.turn) return;
+    const before = this.ready;
+    this.ready = {from, until: detail === 'none' ? -Infinity : until, tier, detail};
+    this.anchor = {time, at, velocity, from: detail === 'none' ? -Infinity : from, until: detail === 'none' ? Infinity : until};
+    if (!this.media) this.#move();
+    if (detail !== 'none') {
+      const isNews = before.detail !== detail || before.tier !== tier || before.from !== from || before.until !== until;
+      this.hasFailed = false;
+      if (isNews || this.shownSeek) this.emit('ready', {...this.ready, id});
+    }
+    if (this.seeking && this.shownSeek === this.seeking.id) {
+      this.seeking.resolve();
+      this.seeking = null;
+    }
+    this.shownSeek = 0;
+    if (this.isPaused) return;
+    if (isWaiting !== this.isStalled && (isWaiting || isPlaying || hasEnded)) {
+      this.isStalled = isWaiting;
+      this.emit(isWaiting ? 'stall' : 'resume');
+    }
+    if (!hasEnded || this.media) return;
+    this.isPaused = true;
+    this.emit('pause');
+    this.emit('ended');
   }
 
   /** Before a request, as the worker asks. @param {{id: number, request: import('./link.js').Request}} message */
@@ -443,42 +638,24 @@ export class Movie extends Emitter {
     this.worker.postMessage({type: 'requested', id, answer});
   }
 
-  /** @param {{members: import('./playlist.js').Member[], live: boolean}} message */
+  /** @param {{members: Shown[], live: boolean}} message */
   #grow({members, live}) {
-    const spans = /** @type {Spans} */ (this.spans);
-    const last = spans.media.at(-1);
-    const next = members.find(m => m.isMedia);
-    if (last && next && Math.abs(next.begin - last.end) < 1e-5) last.end = next.begin;
-    spans.add(members);
+    this.spans = spansOf(members);
     this.isLive = live;
-    const duration = spans.end - spans.begin;
-    this.info = {...this.info, duration, numFrames: Math.round(duration * this.info.frameRate)};
+    const begin = this.spans[0]?.begin ?? 0;
+    const duration = (this.spans.at(-1)?.end ?? 0) - begin;
+    this.info = {...this.info, timeBegin: begin, duration, numFrames: Math.round(duration * this.info.frameRate)};
     this.emit('grown', {duration, live});
   }
 
   /** @param {number} time */
   #showSpan(time) {
-    const {media} = /** @type {Spans} */ (this.spans).shownAt(time);
-    if (media === this.shownMember) return;
-    this.shownMember = media;
-    this.emit('span', {number: media.number, begin: media.begin, end: media.end});
+    const {span: {stream, begin, end}} = this.#spanAt(time);
+    if (stream === this.shownStream) return;
+    this.shownStream = stream;
+    this.emit('span', {number: stream, begin, end});
   }
-
-  /** @param {any} message */
-  #ready({turn, ...ready}) {
-    // What an earlier instant or rung had is not what this one has.
-    if (turn !== this.turn) return;
-    // While it plays, what was ready stays so.
-    const {from, until} = this.ready;
-    if (!this.seeking && ready.from >= from && ready.from <= until) ready.until = Math.max(ready.until, until);
-    this.ready = ready;
-    this.hasFailed = false;
-    this.emit('ready', ready);
-    if (this.seeking && this.seeking.id === ready.id) {
-      this.seeking.resolve();
-      this.seeking = null;
-    }
-  }
+  shownStream = -1;
 
   /** @param {Error} error */
   #fail(error) {

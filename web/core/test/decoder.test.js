@@ -7,19 +7,18 @@ import {tmpdir} from 'node:os';
 import {basename, join} from 'node:path';
 import {test} from 'node:test';
 import {gzipSync} from 'node:zlib';
-import {details, steps} from '../src/decoder.js';
+import {details} from '../src/decoder.js';
 import {frameOfTime} from '../src/timeline.js';
-import {decoderOf, native, read, streamOf, streams, tool, wasm, wasmBytes} from './fixture.js';
+import {decoderAt, native, read, streamOf, streams, tool, wasm, wasmBytes} from './fixture.js';
 
 const mostBytes = 150_000;
 
-test('l4d.wasm is small and asks for nothing but bytes', () => {
+test('l4d.wasm is small and asks for nothing', () => {
   const size = gzipSync(wasmBytes, {level: 9}).length;
   console.log(`l4d.wasm: ${wasmBytes.length} bytes, ${size} with gzip -9`);
   assert.ok(size <= mostBytes, `${size} bytes, at most ${mostBytes}`);
   assert.deepEqual(WebAssembly.Module.imports(wasm).map(i => `${i.module}.${i.name}`).sort(), [
-    'env.emscripten_notify_memory_growth', 'l4d.read_at', 'wasi_snapshot_preview1.fd_close',
-    'wasi_snapshot_preview1.proc_exit'
+    'env.emscripten_notify_memory_growth', 'wasi_snapshot_preview1.fd_close', 'wasi_snapshot_preview1.proc_exit'
   ]);
 });
 
@@ -57,10 +56,10 @@ for (const name of streams) {
         execFileSync(tool, ['decode', name, '--format', 'raw', '-o', raw, '-q',
                             '--detail', detail === 'full' ? 'full' : 'base']);
         const wanted = safetensors(raw);
-        const decoder = await decoderOf(read(name));
-        decoder.open();
+        const {decoder} = await decoderAt(read(name), 0, {whole: true}, {detail: details[detail]});
+        decoder.select(0);
         const got = decoder.decode(1, 0, details[detail]);
-        for (const [key, floats] of Object.entries(got ?? {})) {
+        for (const [key, floats] of Object.entries(got)) {
           assert.ok(wanted[key], key);
           assert.ok(Buffer.from(floats.buffer).equals(wanted[key]), `${key} differs`);
         }
@@ -71,25 +70,23 @@ for (const name of streams) {
     });
   }
 
-  test(`${basename(name)}: info, buckets, rows and a slice`, async () => {
-    const decoder = await decoderOf(read(name));
-    decoder.open();
+  test(`${basename(name)}: info, rows and a slice`, async () => {
+    const bytes = read(name);
+    const {decoder, loads, time} = await decoderAt(bytes, 0.4);
+    decoder.select(0);
     const info = decoder.info();
     const told = native('info', name);
     assert.equal(info.numGaussians, told.num_gaussians);
     assert.ok(Math.abs(info.duration - told.duration_s) < 1e-9);
     assert.deepEqual([info.rendering, info.presentation], statementsOf(told));
-    const time = info.timeBegin + 0.4 * info.duration;
-    const buckets = decoder.buckets(time, time) ?? [];
-    assert.ok(buckets.length > 0);
-    const slice = decoder.slice(time);
-    assert.equal(slice?.count, native('slice', name, '--time', String(time), '--digest').frames[0].gaussians);
-    assert.equal(slice?.position.length, 3 * (slice?.count ?? 0));
+    assert.ok(loads.length > 0);
+    const slice = (await decoderAt(bytes, 0.4, {slices: true})).decoder.slice(time, true);
+    assert.equal(slice.count, native('slice', name, '--time', String(time), '--digest').frames[0].gaussians);
+    assert.equal(slice.position.length, 3 * slice.count);
     // The rows show what the slice shows, in its order.
     let shown = 0;
-    for (const {layer, bucket} of buckets) {
+    for (const {layer, bucket} of loads) {
       const rows = decoder.rows(layer, bucket, details.full);
-      assert.ok(rows);
       const sh = 3 * (info.shDegree + 1) ** 2;
       assert.equal(rows.shStride, Math.ceil(sh / 4) * 4);
       for (let k = 0; k < rows.count; ++k) {
@@ -97,75 +94,67 @@ for (const name of streams) {
         if (opacityOf(row, time - rows.center, frameOfTime(info, time)) >= 1 / 255) ++shown;
       }
     }
-    const visible = slice?.opacity.filter(o => o >= 1 / 255).length ?? 0;
+    const visible = slice.opacity.filter(o => o >= 1 / 255).length;
     assert.ok(Math.abs(shown - visible) <= Math.max(2, visible * 1e-4), `${shown} rows, ${visible} in the slice`);
   });
 }
 
-test('errors have code, clause and offset', async () => {
-  const bytes = read(streams[0]);
-  const none = await decoderOf(new Uint8Array(64));
-  assert.throws(() => none.open(), {name: 'L4DError', code: 'NOT_L4D'});
-  const damaged = bytes.slice();
-  damaged[60] ^= 0x55;
-  const broken = await decoderOf(damaged);
-  assert.throws(() => broken.open(), error => {
-    assert.match(/** @type {any} */ (error).code, /CORRUPT|CHECKSUM/);
-    assert.match(/** @type {any} */ (error).clause, /^[A-Z]+-\d+$/);
-    assert.ok(/** @type {any} */ (error).offset >= 0);
-    return true;
-  });
-  const strict = await decoderOf(bytes, {tolerant: false});
-  strict.open();
-  assert.equal(strict.slice(0)?.shDegree, strict.info().shDegree);
+test('rows have SH of the degree that others have', async () => {
+  const {decoder, loads: [{layer, bucket}]} = await decoderAt(read(streamOf('frames')), 0.5);
+  decoder.select(0);
+  const [own, wide] = [0, 3].map(degree => decoder.rows(layer, bucket, details.full, degree));
+  assert.deepEqual([wide.shStride, wide.count], [48, own.count]);
+  assert.ok(own.shStride < 48 && own.count > 0);
+  const known = 3 * (decoder.info().shDegree + 1) ** 2;
+  for (let k = 0; k < own.count; ++k) {
+    const row = wide.sh.subarray(48 * k, 48 * (k + 1));
+    assert.deepEqual(row.subarray(0, known), own.sh.subarray(own.shStride * k, own.shStride * k + known));
+    assert.ok(row.subarray(known).every(value => value === 0));
+  }
 });
 
 test('a damaged page is a loss, and what is left is shown', async () => {
   const bytes = read(streams[0]);
   bytes[bytes.length - 100] ^= 0x55;
-  const decoder = await decoderOf(bytes);
-  decoder.open();
-  const {timeBegin, duration} = decoder.info();
-  let losses = [];
+  let losses = /** @type {any[]} */ ([]);
   for (let k = 0; k <= 10 && losses.length === 0; ++k) {
-    assert.ok((decoder.slice(timeBegin + duration * k / 10)?.count ?? 0) > 0);
-    losses = decoder.losses();
+    const {decoder, loads, events} = await decoderAt(bytes, k / 10);
+    decoder.select(0);
+    for (const {layer, bucket} of loads) {
+      const {count} = decoder.rows(layer, bucket, details.full);
+      losses.push(...decoder.losses());
+      assert.ok(count > 0 || losses.length > 0);
+    }
+    assert.ok(losses.length === 0 || events.some(e => e.event === 7));
   }
   assert.equal(losses.length, 1);
   assert.equal(losses[0].code, 'CHECKSUM');
+  assert.match(losses[0].clause, /^[A-Z]+-\d+$/);
   assert.ok(losses[0].offset > 0);
 });
 
-test('a limit on memory is a status', async () => {
-  const decoder = await decoderOf(read(streams[0]), {maxMemoryBytes: 200_000});
-  assert.throws(() => {
-    decoder.open();
-    decoder.slice(0);
-  }, {name: 'L4DError', code: 'LIMIT_EXCEEDED'});
-});
-
 test('flat windows: each frame shows its rows and no others, up to where it ends', async () => {
-  const decoder = await decoderOf(read(streamOf('frames')));
-  decoder.open();
-  const info = decoder.info();
+  const bytes = read(streamOf('frames'));
   const [early, late] = [-1e-9, 1e-9];
-  const times = [0, early, late].flatMap(off => [0, 1, 7, 14, 28, 29].map(frame => info.timeBegin + frame / info.frameRate + off));
-  for (const time of [...times, info.timeBegin + info.duration, info.timeBegin - 1]) {
-    const wanted = decoder.slice(time);
+  const shares = [0, early, late].flatMap(off => [0, 1, 7, 14, 28, 29].map(frame => frame / 30 + off));
+  for (const share of [...shares, 1, -1]) {
+    const {decoder, loads, state: {time}} = await decoderAt(bytes, share);
+    decoder.select(0);
+    const info = decoder.info();
+    const wanted = (await decoderAt(bytes, share, {slices: true})).decoder.slice(time, false);
     const frame = frameOfTime(info, time);
     /** @type {number[][]} */
     const got = [];
-    for (const {layer, bucket} of decoder.buckets(time, time) ?? []) {
+    for (const {layer, bucket} of loads.sort((a, b) => a.layer - b.layer || a.bucket - b.bucket)) {
       const rows = decoder.rows(layer, bucket, details.full);
-      assert.ok(rows);
       for (let k = 0; k < rows.count; ++k) {
         const row = rows.geometry.subarray(16 * k, 16 * k + 16);
-        const since = Math.min(Math.max(time, info.timeBegin), info.timeBegin + info.duration) - rows.center;
+        const since = time - rows.center;
         const opacity = opacityOf(row, since, frame);
         if (opacity >= 1 / 255) got.push([...[0, 1, 2].map(c => row[c] + row[4 + c] * (since - row[7])), opacity]);
       }
     }
-    assert.ok(wanted && wanted.count > 0);
+    assert.ok(wanted.count > 0);
     assert.equal(got.length, wanted.count, `${time} s, frame ${frame}`);
     got.forEach(([x, y, z, opacity], k) => {
       assert.ok(Math.hypot(x - wanted.position[3 * k], y - wanted.position[3 * k + 1], z - wanted.position[3 * k + 2]) < 1e-4);
@@ -185,22 +174,19 @@ test('frames of times are those of the native tool', async () => {
   for (let frame = 0; frame < 300; ++frame) assert.equal(frameOfTime(info, 12.5 + frame * 1001 / 30000), frame);
 });
 
-test('tiers: each has the buckets of those below, and their slices', async () => {
+test('tiers: each has the buckets of those below, more bytes, and its slices', async () => {
   const name = streamOf('tiers');
-  const decoder = await decoderOf(read(name));
-  decoder.open();
-  const info = decoder.info();
-  assert.equal(info.lastTier, 2);
-  const time = info.timeBegin + 0.4 * info.duration;
+  const bytes = read(name);
   let before = new Set(), bytesBefore = 0;
   for (const maxTier of [0, 1, 2]) {
-    const buckets = new Set(decoder.buckets(time, time, {maxTier})?.map(b => `${b.layer}/${b.bucket}`));
+    const {decoder, loads, time, received} = await decoderAt(bytes, 0.4, {}, {maxTier});
+    decoder.select(0);
+    assert.equal(decoder.info().lastTier, 2);
+    const buckets = new Set(loads.map(b => `${b.layer}/${b.bucket}`));
     assert.ok([...before].every(key => buckets.has(key)) && buckets.size > before.size, `tier ${maxTier}`);
-    const bytes = decoder.windowReads(time, time, {maxTier}, steps.all)?.reduce((sum, [, size]) => sum + size, 0) ?? 0;
-    assert.ok(bytes > bytesBefore, `tier ${maxTier}: ${bytes} bytes`);
-    [before, bytesBefore] = [buckets, bytes];
-    assert.equal(decoder.slice(time, {maxTier})?.count,
+    assert.ok(received > bytesBefore, `tier ${maxTier}: ${received} bytes`);
+    [before, bytesBefore] = [buckets, received];
+    assert.equal((await decoderAt(bytes, 0.4, {slices: true}, {maxTier})).decoder.slice(time, false).count,
                  native('slice', name, '--time', String(time), '--max-tier', String(maxTier), '--digest').frames[0].gaussians);
   }
-  assert.equal(decoder.slice(time)?.count, decoder.slice(time, {maxTier: 2})?.count);
 });

@@ -2,8 +2,9 @@
 // What tests share: l4d.wasm (L4D_WASM), the native tool (L4D_TOOL) and streams (L4D_STREAMS).
 import {execFileSync} from 'node:child_process';
 import {readFileSync} from 'node:fs';
+import {decoderAt as decoderOver} from '../../test/at-hand.js';
 import {compile, Decoder} from '../src/decoder.js';
-import {ByteStore} from '../src/store.js';
+import {Engine} from '../src/engine.js';
 
 const need = name => {
   const value = process.env[name];
@@ -24,12 +25,21 @@ export const read = name => {
   return new Uint8Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length));
 };
 
-/** A decoder over all bytes of a stream. @param {Uint8Array} bytes @param {any} [options] */
-export const decoderOf = async (bytes, options) => {
-  const store = new ByteStore();
-  store.size = bytes.length;
-  store.supply(0, bytes);
-  return Decoder.create(wasm, store, options);
+/** @param {Uint8Array} bytes @param {[number?, any?, any?]} rest as of at-hand.js */
+export const decoderAt = (bytes, ...rest) => decoderOver(wasm, bytes, ...rest);
+
+/**
+ * An engine in this thread, and what it posts.
+ * @param {any} link @param {any} [options] @param {string} [url]
+ */
+export const engineOf = async (link, {slices, ...options} = /** @type {any} */ ({}), url = 'http://127.0.0.1/scene.l4d') => {
+  /** @type {any[]} */
+  const posts = [];
+  const engine = new Engine(await Decoder.create(wasm, {...options, slices}), link, url, message => posts.push(message), {...options, slices});
+  const of = (/** @type {string} */ type) => posts.filter(p => p.type === type);
+  /** The last state. */
+  const state = () => of('state').at(-1) ?? {};
+  return {engine, posts, of, state};
 };
 
 /** What the native tool prints as JSON. @param {...string} args */
@@ -42,38 +52,4 @@ export const until = async (condition, what) => {
     await new Promise(resolve => setTimeout(resolve, 25));
   }
   throw new Error(`waited in vain for ${what}`);
-};
-
-/**
- * Timers of these lengths do not run while fn does, until it lets them: all others do, those of node and of its HTTP.
- * @param {number[]} lengths in ms @param {(timers: {lapse: () => void, lapsed: number[], onstart: () => void}) => Promise<void>} fn
- * lapse: ends those that run now; lapsed: how long they were; onstart: is called where one starts
- */
-export const holdingTimers = async (lengths, fn) => {
-  const {setTimeout: start, clearTimeout: clear} = globalThis;
-  /** @type {Map<any, {ms: number, end: () => void}>} */
-  const held = new Map();
-  const timers = {
-    lapse: () => {
-      for (const [timer, {ms, end}] of [...held]) {
-        held.delete(timer);
-        timers.lapsed.push(ms);
-        end();
-      }
-    },
-    lapsed: /** @type {number[]} */ ([]), onstart: () => {}
-  };
-  globalThis.setTimeout = /** @type {any} */ ((/** @type {any} */ end, /** @type {any} */ ms, /** @type {any[]} */ ...given) => {
-    if (!lengths.includes(ms)) return start(end, ms, ...given);
-    const timer = {};
-    held.set(timer, {ms, end: () => end(...given)});
-    timers.onstart();
-    return timer;
-  });
-  globalThis.clearTimeout = (/** @type {any} */ timer) => { if (!held.delete(timer)) clear(timer); };
-  try {
-    await fn(timers);
-  } finally {
-    Object.assign(globalThis, {setTimeout: start, clearTimeout: clear});
-  }
 };

@@ -20,10 +20,19 @@ const workerOf = () => {
     },
     /** @param {any} data */
     say(data) { worker.onmessage?.({data}); },
-    /** The last goal. */
-    goal: () => worker.messages.findLast(m => m.type === 'want').goal,
-    /** @param {any} goal @param {any} more */
-    ready: ({id, turn, time}, more) => worker.say({type: 'ready', id, turn, from: time, until: time + 1, ...more})
+    /** The last message of a type. @param {string} type */
+    last: type => worker.messages.findLast(m => m.type === type),
+    /** What the engine is in after the last message. @param {any} more */
+    state: more => {
+      const {turn} = worker.messages.findLast(m => m.turn !== undefined);
+      worker.say({type: 'state', turn, id: 0, isPlaying: false, isWaiting: false, hasEnded: false, from: 0, until: 1, time: 0,
+                  at: (performance.timeOrigin + performance.now()) / 1000, velocity: 0, tier: 0, detail: 'base', ...more});
+    },
+    /** That a seek is answered. @param {any} seek @param {any} [more] */
+    shown: ({id, time}, more) => {
+      worker.say({type: 'shown', id});
+      worker.state({id, time, from: time, until: time + 1, ...more});
+    }
   };
   return worker;
 };
@@ -63,8 +72,7 @@ test('wrong values are refused at once, and change nothing', async () => {
   movie.maxTier = 1;
   movie.maxLevel = Infinity;
   movie.detail = 'base';
-  const {maxTier, maxLevel, detail} = worker.goal();
-  assert.deepEqual([maxTier, maxLevel, detail], [1, 2 ** 32 - 1, 'base']);
+  assert.deepEqual(worker.last('quality').quality, {maxTier: 1, maxLevel: 2 ** 32 - 1, detail: 1});
   movie.dispose();
 });
 
@@ -103,19 +111,19 @@ test('the failure of an instant does not end the seek to the next one', async ()
   /** @type {any[]} */
   const heard = [];
   movie.on('error', error => heard.push(error.code));
-  const fail = (/** @type {any} */ goal) => worker.say({type: 'error', id: goal?.id, turn: goal?.turn,
-                                                        error: {code: 'NETWORK', message: 'gone', clause: '', offset: -1}});
-  const first = worker.goal();
+  const fail = (/** @type {any} */ {id, turn} = {}) => worker.say({type: 'error', id, turn, error: {code: 'NETWORK', message: 'gone', clause: '', offset: -1}});
+  const first = worker.last('seek');
   const seeking = movie.seek(6);
   fail(first);
   assert.deepEqual(heard, []);
-  worker.ready(worker.goal(), {detail: 'base', tier: 0});
+  worker.shown(worker.last('seek'));
   await seeking;
   const other = failureOf(() => movie.seek(2));
-  fail(worker.goal());
+  fail(worker.last('seek'));
   assert.equal(await other, 'NETWORK');
+  assert.equal(movie.hasFailed, true);
   // Of a playlist that is followed.
-  fail(null);
+  fail();
   assert.deepEqual(heard, ['NETWORK', 'NETWORK']);
   movie.dispose();
 });
@@ -140,22 +148,70 @@ test('what was ready of an earlier instant or tier does not count for the next o
   /** @type {any[]} */
   const heard = [];
   movie.on('ready', ready => heard.push(ready));
-  const first = worker.goal();
+  const {turn} = worker.last('seek');
   const seeking = movie.seek(6);
-  const second = worker.goal();
   // On its way while the movie seeks.
-  worker.ready({...first, time: 6}, {detail: 'full', tier: 2});
+  worker.state({turn, from: 6, until: 8, time: 6, detail: 'full', tier: 2});
   assert.deepEqual([heard, movie.ready.detail, movie.secondsAhead], [[], 'none', 0]);
-  worker.ready(second, {detail: 'base', tier: 0});
+  worker.shown(worker.last('seek'));
   await seeking;
-  assert.deepEqual(heard.map(r => [r.from, r.detail, r.tier]), [[6, 'base', 0]]);
+  assert.deepEqual(heard.map(r => [r.from, r.detail, r.tier, r.id]), [[6, 'base', 0, worker.last('seek').id]]);
   movie.maxTier = 0;
-  worker.ready(second, {detail: 'base', tier: 1});
-  worker.ready(worker.goal(), {detail: 'full', tier: 0});
-  assert.deepEqual(heard.slice(1).map(r => [r.detail, r.tier]), [['full', 0]]);
-  // What is wanted while it plays goes on from there.
-  movie.advance(6.5);
-  worker.ready(worker.goal(), {detail: 'full', tier: 0});
-  assert.equal(movie.ready.until, 7.5);
+  worker.state({turn: worker.last('seek').turn, from: 6, until: 8, time: 6, tier: 1});
+  worker.state({from: 6, until: 8, time: 6});
+  assert.deepEqual(heard.slice(1).map(r => [r.until, r.tier]), [[8, 0]]);
+  assert.equal(movie.secondsAhead, 2);
+  movie.dispose();
+});
+
+test('the page moves the time by what the worker said last, and only within what is ready', async () => {
+  const worker = workerOf();
+  const movie = await openWith(worker);
+  const times = /** @type {number[]} */ ([]), heard = /** @type {string[]} */ ([]);
+  const moved = (/** @type {number} */ n) => new Promise(resolve => { const end = movie.on('time', () => { if (times.length >= n) resolve(end()); }); });
+  movie.on('time', time => times.push(time));
+  for (const type of ['play', 'pause', 'ended', 'stall', 'resume']) movie.on(type, () => heard.push(type));
+  movie.play();
+  const sent = worker.messages.length;
+  worker.state({isWaiting: true});
+  worker.state({isPlaying: true, velocity: 1, time: 0, until: 0.1});
+  await moved(3);
+  await new Promise(resolve => { const end = movie.on('time', time => { if (time === 0.1) resolve(end()); }); });
+  assert.ok(times.every((time, k) => time <= 0.1 && (k === 0 || time > times[k - 1])), `${times}`);
+  // Nobody was asked meanwhile.
+  assert.equal(worker.messages.length, sent);
+  worker.state({isPlaying: true, velocity: -2, time: 5, from: 4.9, until: 6});
+  await new Promise(resolve => { const end = movie.on('time', time => { if (time === 4.9) resolve(end()); }); });
+  movie.pause();
+  assert.deepEqual([movie.paused, movie.currentTime], [true, 4.9]);
+  movie.play();
+  worker.state({hasEnded: true, time: 8, from: 6, until: 8});
+  assert.deepEqual([movie.paused, movie.currentTime], [true, 8]);
+  assert.deepEqual(heard, ['play', 'stall', 'resume', 'pause', 'play', 'pause', 'ended']);
+  // Again, from the beginning.
+  movie.play();
+  assert.equal(worker.last('seek').time, 0);
+  movie.dispose();
+});
+
+test('a movie follows the time of a sound', async () => {
+  const worker = workerOf();
+  const movie = await openWith(worker);
+  const media = {currentTime: 2, paused: false, playbackRate: 1.5};
+  movie.sync(/** @type {any} */ (media));
+  assert.equal(worker.last('motion').rate, 1.5);
+  await new Promise(resolve => { const end = movie.on('time', time => { if (time === 2) resolve(end()); }); });
+  assert.deepEqual([worker.last('seek').time, worker.last('play') !== undefined], [2, true]);
+  // What the engine says of its own time is not shown.
+  const seeks = worker.messages.filter(m => m.type === 'seek').length;
+  worker.state({isPlaying: true, velocity: 1.5, time: 2.05, from: 2, until: 8});
+  assert.equal(movie.currentTime, 2);
+  media.currentTime = 2.1;
+  await new Promise(resolve => { const end = movie.on('time', time => { if (time === 2.1) resolve(end()); }); });
+  assert.equal(worker.messages.filter(m => m.type === 'seek').length, seeks, 'that is near enough');
+  media.paused = true;
+  media.currentTime = 7;
+  await new Promise(resolve => { const end = movie.on('time', time => { if (time === 7) resolve(end()); }); });
+  assert.ok(worker.last('pause'));
   movie.dispose();
 });

@@ -14,10 +14,7 @@ export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail, rat
   const requests = [];
   /** @type {import('node:http').IncomingMessage[]} */
   const seen = [];
-  /**
-   * What tests set later: as `fail`; what is called once a silent answer has sent all that it will.
-   * @type {{fault?: any, answer?: (request: import('node:http').IncomingMessage) => any, onsilence?: (bytes: number) => void}}
-   */
+  /** What tests set later: as `fail`. @type {{fault?: any, answer?: (request: import('node:http').IncomingMessage) => any}} */
   const shared = {};
   const server = createServer(async (request, response) => {
     seen.push(request);
@@ -27,7 +24,7 @@ export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail, rat
     requests.push([begin, end - begin]);
     const fault = shared.fault ?? shared.answer?.(request) ?? fail?.(requests.length);
     if (typeof fault === 'number') return response.writeHead(fault).end();
-    if (fault === 'silent') return shared.onsilence?.(0);
+    if (fault === 'silent') return;
     const part = ranges && match;
     const body = part ? bytes.subarray(begin, end) : bytes;
     if (part && begin >= bytes.length) return response.writeHead(416).end();
@@ -36,8 +33,7 @@ export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail, rat
       ...part && {'Content-Range': `bytes ${begin}-${end - 1}/${bytes.length}`}, ...headers(requests.length)
     });
     if (fault === 'cut' || fault === 'stuck') {
-      const half = body.subarray(0, body.length / 2);
-      response.write(half, () => fault === 'cut' ? response.destroy() : shared.onsilence?.(half.length));
+      response.write(body.subarray(0, body.length / 2), () => { if (fault === 'cut') response.destroy(); });
     } else {
       for (let at = 0; at < body.length && rate < Infinity; at += 4096) {
         free = Math.max(free, performance.now()) + 1000 * 4096 / rate;

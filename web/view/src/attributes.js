@@ -11,6 +11,12 @@ const headersOf = text => {
   }
 };
 
+/** "distance=4 slowest=0.9": numbers by name. @param {string} text @returns {import('l4dcodec').LiveOptions} */
+const liveOf = text => Object.fromEntries(text.split(/\s+/).filter(Boolean).map(word => {
+  const [name, value] = word.split('=');
+  return [name, Number(value)];
+}));
+
 /** @param {HTMLElement & {options?: import('l4dcodec').OpenOptions}} player @returns {import('l4dcodec').OpenOptions} */
 export const openOptions = player => {
   /** @template T @param {string} name @param {(text: string) => T} read @returns {T | undefined} */
@@ -23,7 +29,7 @@ export const openOptions = player => {
     bases: of('bases', text => text.split(/\s+/).filter(Boolean)), cache: of('cache', text => /** @type {RequestCache} */ (text)),
     cacheBytes: of('cache-bytes', Number),
     credentials: of('crossorigin', text => text === 'use-credentials' ? 'include' : 'same-origin'),
-    headers: of('headers', headersOf), maxRows: of('max-rows', Number), playlist: of('playlist', text => text !== 'false'),
+    headers: of('headers', headersOf), live: of('live', liveOf), maxRows: of('max-rows', Number), playlist: of('playlist', text => text !== 'false'),
     retries: of('retries', Number), timeout: of('timeout', Number), tolerant: of('tolerant', text => text !== 'false'),
     wasmUrl: of('wasm-src', text => text), worker: of('worker-src', text => () => workerFrom(text))
   };

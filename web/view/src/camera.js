@@ -21,7 +21,34 @@ export const unit = a => {
   return [a[0] / n, a[1] / n, a[2] / n];
 };
 
+/** @typedef {{origin: Vec3, direction: Vec3, blur: number}} Ray direction of depth 1; blur: the size of two pixels at depth 1 */
+
+/** A vector in the axes of a camera, in those of the scene. @param {number[]} m world to camera @param {number[]} v */
+const toScene = (m, v) => /** @type {Vec3} */ ([0, 1, 2].map(c => m[c] * v[0] + m[4 + c] * v[1] + m[8 + c] * v[2]));
+
+/** Where a camera is. @param {number[]} m world to camera */
+export const eyeOf = m => toScene(m, [-m[3], -m[7], -m[11]]);
+
+/** From a camera through a pixel. @param {Camera} camera @param {number} x @param {number} y @returns {Ray} */
+export const rayOf = ({worldToCamera: m, fx, fy, cx, cy}, x, y) =>
+  ({origin: eyeOf(m), direction: toScene(m, [(x - cx) / fx, (y - cy) / fy, 1]), blur: 2 / fy});
+
+/** Where a camera sees a point, in pixels; null: it is behind it. @param {Camera} camera @param {number[]} point */
+export const pixelOf = ({worldToCamera: m, fx, fy, cx, cy, nearPlane}, [x, y, z]) => {
+  const [right, down, depth] = [0, 4, 8].map(k => m[k] * x + m[k + 1] * y + m[k + 2] * z + m[k + 3]);
+  return depth > nearPlane ? {x: cx + fx * right / depth, y: cy + fy * down / depth, depth} : null;
+};
+
 const usualFov = 60 * Math.PI / 180;
+/** Beyond them, a camera would look along `up`, or see nothing. */
+export const mostPitch = 1.55;
+const fovs = [0.02, 3];
+/** @param {number} value @param {number[]} range the greater end counts where they cross */
+export const within = (value, [least, most]) => Math.min(Math.max(value, least), most);
+/** Of the height. @param {{fov: number, isVertical: boolean}} camera @param {{clientWidth: number, clientHeight: number}} canvas */
+export const verticalFov = ({fov, isVertical}, {clientWidth: width, clientHeight: height}) =>
+  isVertical || width >= height ? fov : 2 * Math.atan(Math.tan(fov / 2) * height / width);
+const free = () => ({yaw: [-Infinity, Infinity], pitch: [-Infinity, Infinity], distance: [0, Infinity], fov: [0, Math.PI]});
 
 /** A camera that circles a point, or flies: what pointers and keys move. */
 export class OrbitCamera {
@@ -35,6 +62,8 @@ export class OrbitCamera {
     this.up = [0, -1, 0];
     this.fov = usualFov;
     this.isVertical = false;  // `fov` is that of the height, otherwise of the smaller direction
+    /** What turning and zooming stay within, besides what makes sense: radians, units of the scene. */
+    this.limits = free();
     this.home = this.state();
   }
 
@@ -69,7 +98,7 @@ export class OrbitCamera {
 
   state() {
     return {target: /** @type {Vec3} */ ([...this.target]), distance: this.distance, yaw: this.yaw, pitch: this.pitch,
-            up: /** @type {Vec3} */ ([...this.up])};
+            up: /** @type {Vec3} */ ([...this.up]), fov: this.fov, isVertical: this.isVertical};
   }
   /** @param {ReturnType<OrbitCamera['state']>} state */
   restore(state) { Object.assign(this, structuredClone(state)); }
@@ -107,8 +136,8 @@ export class OrbitCamera {
 
   /** @param {number} yaw @param {number} pitch radians */
   orbit(yaw, pitch) {
-    this.yaw += yaw;
-    this.pitch = Math.min(Math.max(this.pitch + pitch, -1.55), 1.55);
+    this.yaw = within(this.yaw + yaw, this.limits.yaw);
+    this.pitch = within(within(this.pitch + pitch, [-mostPitch, mostPitch]), this.limits.pitch);
   }
 
   /** Turns the head: the eye stays. @param {number} yaw @param {number} pitch */
@@ -127,7 +156,15 @@ export class OrbitCamera {
   }
 
   /** @param {number} factor */
-  zoom(factor) { this.distance = Math.min(Math.max(this.distance * factor, 1e-4), 1e6); }
+  zoom(factor) { this.distance = within(within(this.distance * factor, [1e-4, 1e6]), this.limits.distance); }
+
+  /** Changes the field of view. @param {number} factor */
+  widen(factor) { this.fov = within(within(this.fov * factor, fovs), this.limits.fov); }
+
+  /** Back to within the limits. @param {{yaw: number, pitch: number, distance: number, fov: number}} state */
+  clamp(state = this) {
+    for (const name of /** @type {const} */ (['yaw', 'pitch', 'distance', 'fov'])) state[name] = within(state[name], this.limits[name]);
+  }
 
   /** @param {number} width @param {number} height pixels @returns {Camera} */
   camera(width, height) {

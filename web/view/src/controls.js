@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 
+const doubleMs = 250;  // from a tap to a second one, which makes it a double one
+const doublePixels = 24;
+
 /**
  * Moves a camera by pointers and the wheel: one finger or the left button turns, two fingers or the right
  * button (or Shift) move, pinch and wheel zoom. Flying, turning keeps the eye where it is.
@@ -9,8 +12,12 @@ export class PointerControls {
    * @param {HTMLElement} target @param {import('./camera.js').OrbitCamera} camera
    * @param {() => void} onChange @param {() => void} onTap
    * @param {(event: WheelEvent | PointerEvent) => boolean} takes whether a wheel or a pointer is for the camera, not for the page
+   * @param {((event: PointerEvent) => void) | null} onDouble where it is given, a tap waits for a second one
    */
-  constructor(target, camera, onChange, onTap, takes = () => true) {
+  constructor(target, camera, onChange, onTap, takes = () => true, onDouble = null) {
+    this.onDouble = onDouble;
+    /** The tap that waits. @type {{x: number, y: number, timer: any} | null} */
+    this.tap = null;
     this.takes = takes;
     this.target = target;
     this.camera = camera;
@@ -31,7 +38,10 @@ export class PointerControls {
     target.addEventListener('wheel', e => this.#wheel(e), {signal, passive: false});
   }
 
-  dispose() { this.control.abort(); }
+  dispose() {
+    this.control.abort();
+    clearTimeout(this.tap?.timer);
+  }
 
   /** @param {PointerEvent} event */
   #down(event) {
@@ -44,7 +54,22 @@ export class PointerControls {
   /** @param {PointerEvent} event @param {boolean} tap */
   #up(event, tap) {
     if (!this.pointers.delete(event.pointerId)) return;
-    if (tap && this.pointers.size === 0 && this.moved < 5 && event.button === 0) this.onTap();
+    if (tap && this.pointers.size === 0 && this.moved < 5 && event.button === 0) this.#tapped(event);
+  }
+
+  /** @param {PointerEvent} event */
+  #tapped(event) {
+    const {tap, onDouble} = this;
+    const {clientX: x, clientY: y} = event;
+    clearTimeout(tap?.timer);
+    this.tap = null;
+    if (!onDouble) return this.onTap();
+    if (tap && Math.hypot(x - tap.x, y - tap.y) < doublePixels) return onDouble(event);
+    const timer = setTimeout(() => {
+      this.tap = null;
+      this.onTap();
+    }, doubleMs);
+    this.tap = {x, y, timer};
   }
 
   /** @param {PointerEvent} event */

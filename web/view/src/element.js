@@ -1,26 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 import {L4DError, open} from 'l4dcodec';
 import {openOptions} from './attributes.js';
+import {CameraElement, cameraAttributes, cameraProperties} from './camera-element.js';
 import {PointerControls} from './controls.js';
 import {enter, hasRoom, leave} from './crowd.js';
+import {Hotspots} from './hotspots.js';
 import {onKey} from './keys.js';
-import {MediaElement} from './media.js';
+import {canvasOf} from './picture.js';
 import {fill} from './template.js';
-import {clockText, describeError, describeLosses, overlayLines, parseLink, spokenTime} from './text.js';
+import {clockText, describeError, describeLosses, liveTexts, overlayLines, parseLink, spokenTime} from './text.js';
 import {View} from './view.js';
 
 const idleSeconds = 2.5;
+const scrubSteps = 500;  // of the timeline, while it is dragged
 const lostSeconds = 3;  // that a context may be lost, before the player gives it up
 const playbacks = /** @type {const} */ (['once', 'loop', 'ping-pong']);
 
 /**
  * `<l4d-player src poster autoplay loop preload="none" loading="lazy" controls="none" playback="once|loop|ping-pong|auto"
  * camera="orbit|fly" gestures="all|page|none" detail="auto|base|full" backend="webgl2|webgpu|auto" overlay>`, and what
- * attributes.js reads: a player with controls. Events: 'open' (the movie is its detail), 'error' (an Error), 'backend' (which one
- * draws), and those of media elements. `movie` and `view` are those of the packages.
+ * attributes.js and camera-element.js read: a player with controls. Events: 'open' (the movie is its detail), 'error' (an Error),
+ * 'backend' (which one draws), 'camera-change', and those of media elements. `movie` and `view` are those of the packages.
  */
-export class L4DPlayer extends MediaElement {
-  static observedAttributes = ['src', 'poster', 'loop', 'playback', 'detail', 'camera', 'overlay'];
+export class L4DPlayer extends CameraElement {
+  static observedAttributes = ['src', 'poster', 'loop', 'playback', 'detail', 'camera', 'overlay', ...cameraAttributes];
 
   constructor() {
     super();
@@ -28,20 +31,17 @@ export class L4DPlayer extends MediaElement {
     fill(root);
     /** @type {(selector: string) => any} */
     this.$ = selector => root.querySelector(selector);
-    /** @type {View | null} */
-    this.view = null;
-    /** @type {PointerControls | null} */
-    this.pointer = null;
+    this.hotspots = new Hotspots(this, this.$('.spots'));
     this.loading = new AbortController();
     /** What load() was given last. @type {Parameters<typeof open>[0] | undefined} */
     this.source = undefined;
     /** While it is in a page. @type {AbortController | null} */
     this.life = null;
-    this.isNear = true;  // less than its page's height from what is seen of the page
     /** Of before it gave its context back, or left the page. @type {{camera: string, plays: boolean} | null} */
     this.kept = null;
     this.frames = {count: 0, since: performance.now(), fps: 0};
     this.scrubbing = false;
+    this.scrubbed = 0;
     this.#listen();
   }
 
@@ -49,7 +49,8 @@ export class L4DPlayer extends MediaElement {
     if (this.life) return;  // it was moved
     this.life = new AbortController();
     const {signal} = this.life;
-    this.upgradeProperties();
+    this.upgradeProperties(cameraProperties);
+    this.hotspots.read();
     document.addEventListener('visibilitychange', () => this.#hide(document.hidden), {signal});
     const observer = new IntersectionObserver(entries => this.#near(entries.at(-1)?.isIntersecting ?? true), {rootMargin: '100%'});
     observer.observe(this);
@@ -60,7 +61,7 @@ export class L4DPlayer extends MediaElement {
     });
     const {movie} = this;
     // Opened before the element was in a page.
-    if (movie) void this.#setView().then(() => this.view?.show(movie)).then(() => this.view?.home(), error => this.#showError(error));
+    if (movie) void this.#setView().then(() => this.view?.show(movie)).then(() => this.aim.home(), error => this.#showError(error));
     else this.#begins();
   }
 
@@ -92,6 +93,7 @@ export class L4DPlayer extends MediaElement {
     if (name === 'detail' && value) this.#setDetail(value);
     if (name === 'camera') this.#setMode(value === 'fly' ? 'fly' : 'orbit');
     if (name === 'overlay') this.toggleOverlay(value !== null);
+    if (cameraAttributes.includes(name) && value !== before) this.aim.update(name);
   }
 
   /** Loads `src`, unless the page, or its other players, want that later: then a click does it. */
@@ -143,9 +145,7 @@ export class L4DPlayer extends MediaElement {
     if (signal.aborted || this.view !== view) return;
     if (pixels && view) {
       const {width, height} = view.canvas;
-      const still = Object.assign(document.createElement('canvas'), {width, height, className: 'still'});
-      still.getContext('2d')?.putImageData(new ImageData(new Uint8ClampedArray(pixels), width, height), 0, 0);
-      this.$('canvas').after(still);
+      this.$('canvas').after(Object.assign(canvasOf(pixels, width, height), {className: 'still'}));
     }
     this.#keep();
     this.unload();
@@ -158,7 +158,7 @@ export class L4DPlayer extends MediaElement {
     this.pointer?.dispose();
     const gl = this.view?.gl;
     this.view?.dispose();
-    this.view = this.pointer = null;
+    Object.assign(this, {view: null, pointer: null});
     // A page may have few contexts, and one lives until its canvas is collected. The next view has another canvas.
     const canvas = this.$('canvas');
     canvas.replaceWith(canvas.cloneNode());
@@ -168,19 +168,22 @@ export class L4DPlayer extends MediaElement {
   /** Fails where nothing can draw. */
   async #setView() {
     enter(this);
-    if (this.view) return void await this.view.ready;
+    const {view: present} = this;
+    if (present) return void await present.ready;
     const canvas = this.$('canvas');
     try {
       const backend = /** @type {any} */ (this.getAttribute('backend') ?? undefined);
-      const view = this.view = new View(canvas, {background: [0.043, 0.051, 0.063], backend});
-      this.pointer = new PointerControls(canvas, view.orbit, () => { this.view?.change(); this.#awake(); }, () => this.toggle(),
-                                         event => this.#takes(event));
+      const view = new View(canvas, {background: [0.043, 0.051, 0.063], backend});
+      this.view = view;
+      this.pointer = new PointerControls(canvas, view.orbit, () => { this.steered(); this.#awake(); }, () => this.toggle(),
+                                         event => this.#takes(event), event => void this.lookAtPoint(event.clientX, event.clientY));
+      view.ondraw = () => { this.hotspots.place(); this.drawn(); };
       this.#setMode(this.getAttribute('camera') === 'fly' ? 'fly' : 'orbit');
       this.dispatchEvent(new CustomEvent('backend', {detail: await view.ready}));
       this.removeAttribute('unsupported');
-      canvas.addEventListener('webglcontextlost', () => setTimeout(() => {
-        if (this.view === view && view.gl?.isContextLost()) void this.sleep();
-      }, 1000 * lostSeconds));
+      const givesUp = () => { if (this.view === view && view.gl?.isContextLost()) void this.sleep(); };
+      // A context that #dropView gave back is lost on purpose: a timer would keep the player in memory.
+      canvas.addEventListener('webglcontextlost', () => { if (this.view === view) setTimeout(givesUp, 1000 * lostSeconds); });
     } catch (error) {
       this.#dropView();
       this.toggleAttribute('unsupported', true);
@@ -241,6 +244,9 @@ export class L4DPlayer extends MediaElement {
       this.#showEnd(movie);
       if (!live) this.#say('The recording has ended');
     });
+    movie.on('live', ({state}) => {
+      if (liveTexts[state]) this.#say(liveTexts[state]);
+    });
     movie.on('retry', () => this.#say('The connection is slow, trying again'));
     this.follow(movie);
     for (const type of ['durationchange', 'loadedmetadata']) this.tell(type);
@@ -255,9 +261,10 @@ export class L4DPlayer extends MediaElement {
       if (error.name !== 'AbortError') throw error;
     });
     if (this.movie !== movie) return;
-    await this.view?.home();
+    await this.aim.home();
     const camera = this.kept?.camera ?? link.camera;
-    if (camera && this.view?.orbit.parse(camera)) this.view.change();
+    if (camera && this.view?.orbit.parse(camera)) this.aim.steer({});
+    this.aim.jump();
     await this.view?.settled();
     if (this.movie !== movie) return;
     this.setOpen(true);
@@ -285,6 +292,8 @@ export class L4DPlayer extends MediaElement {
     this.loading.abort();
     this.loading = new AbortController();
     this.view?.hide();
+    this.aim.end();
+    if (!this.kept) this.hotspots.hide();
     this.movie?.dispose();
     this.movie = null;
     this.$('.big').hidden = true;
@@ -300,11 +309,11 @@ export class L4DPlayer extends MediaElement {
     else this.movie.pause();
   }
 
-  /** @param {number} time */
-  seek(time) {
+  /** @param {number} time @param {number} [tolerance] as of Movie.seek() */
+  seek(time, tolerance) {
     if (!this.movie) return;
     if (time > this.movie.timeEnd && this.movie.loop) time = this.movie.timeBegin;
-    this.seekTo(time);
+    this.seekTo(time, tolerance);
     this.#awake();
   }
 
@@ -314,7 +323,8 @@ export class L4DPlayer extends MediaElement {
     this.#say(`Speed ${this.playbackRate}`);
   }
 
-  home() { void this.view?.home(); }
+  /** Resolves when the first view is back. */
+  home() { return this.aim.home(); }
 
   toggleFullscreen() {
     if (document.fullscreenElement === this) void document.exitFullscreen();
@@ -383,6 +393,7 @@ export class L4DPlayer extends MediaElement {
     on('#numbers', 'change', e => this.toggleOverlay(e.target.checked));
     this.addEventListener('keydown', e => {
       this.#awake();
+      if (e.target !== this) return;  // a hotspot has keys of its own
       const inner = /** @type {any} */ (this.shadowRoot)?.activeElement;
       const types = inner?.tagName === 'SELECT' || inner?.tagName === 'BUTTON' && e.key === ' ';
       if (types && e.key !== 'Escape') return;
@@ -433,18 +444,17 @@ export class L4DPlayer extends MediaElement {
       this.scrubbing = true;
       this.playedBefore = !movie.paused;
       movie.pause();
-      // Base colours while dragging, detail on release.
-      this.detailBefore = movie.detail;
-      movie.setDetail('base');
     }
-    this.seek(movie.timeBegin + share * movie.duration);
+    this.scrubbed = movie.timeBegin + share * movie.duration;
+    // One picture after the other, in base colours; detail on release.
+    this.seek(this.scrubbed, Math.max(movie.duration / scrubSteps, 1e-3));
   }
 
   #endScrub() {
     const movie = this.movie;
     if (!movie || !this.scrubbing) return;
     this.scrubbing = false;
-    movie.detail = this.detailBefore ?? 'auto';
+    this.seek(this.scrubbed);
     if (this.playedBefore) movie.play();
   }
 

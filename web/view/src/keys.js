@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 const turnStep = 0.08;
+const zoomStep = 0.9;
 
 /**
  * What a key does, as in video players; false where it does nothing.
@@ -11,19 +12,20 @@ export const onKey = (event, player) => {
   const movie = player.movie;
   const by = (/** @type {number} */ seconds) => player.seek(movie.currentTime + seconds);
   const frame = 1 / movie.info.frameRate;
-  const turn = (/** @type {number} */ x, /** @type {number} */ y) => {
-    player.pointer?.turn(x, y);
-    player.view?.change();
+  const steer = (/** @type {(camera: import('./camera.js').OrbitCamera) => void} */ fn) => {
+    if (player.view) fn(player.view.orbit);
+    player.steered();
   };
-  const move = (/** @type {number} */ right, /** @type {number} */ down, /** @type {number} */ forward) => {
-    player.view?.orbit.move(right, down, forward);
-    player.view?.change();
-  };
+  const turn = (/** @type {number} */ x, /** @type {number} */ y) => steer(() => player.pointer?.turn(x, y));
+  const move = (/** @type {number} */ right, /** @type {number} */ down, /** @type {number} */ forward) =>
+    steer(camera => camera.move(right, down, forward));
   if (event.altKey) {
     if (event.key === 'ArrowLeft') turn(-turnStep, 0);
     else if (event.key === 'ArrowRight') turn(turnStep, 0);
     else if (event.key === 'ArrowUp') turn(0, turnStep);
     else if (event.key === 'ArrowDown') turn(0, -turnStep);
+    else if (event.key === '+' || event.key === '=') steer(camera => camera.widen(zoomStep));
+    else if (event.key === '-') steer(camera => camera.widen(1 / zoomStep));
     else return false;
     return true;
   }
@@ -36,9 +38,8 @@ export const onKey = (event, player) => {
     Home: () => player.seek(movie.timeBegin), End: () => player.seek(movie.live ? movie.startTime : movie.timeEnd),
     '<': () => player.setRate(movie.rate / 2), '>': () => player.setRate(movie.rate * 2),
     f: () => player.toggleFullscreen(), i: () => player.toggleOverlay(), 0: () => player.home(),
-    '+': () => { player.view?.orbit.zoom(0.9); player.view?.change(); },
-    '=': () => { player.view?.orbit.zoom(0.9); player.view?.change(); },
-    '-': () => { player.view?.orbit.zoom(1 / 0.9); player.view?.change(); },
+    '+': () => steer(camera => camera.zoom(zoomStep)), '=': () => steer(camera => camera.zoom(zoomStep)),
+    '-': () => steer(camera => camera.zoom(1 / zoomStep)),
     w: () => move(0, 0, 0.04), s: () => move(0, 0, -0.04), a: () => move(-0.04, 0, 0), d: () => move(0.04, 0, 0),
     Escape: () => player.toggleMenu(false)
   };

@@ -86,10 +86,10 @@ export class MediaElement extends Base {
     if (this.audio) movie.sync(this.audio);
   }
 
-  /** A page may have set properties before the element was defined: they would hide those of the class. */
-  upgradeProperties() {
+  /** A page may have set properties before the element was defined: they would hide those of the class. @param {string[]} more */
+  upgradeProperties(more) {
     const self = /** @type {any} */ (this);
-    for (const name of own) {
+    for (const name of [...own, ...more]) {
       if (!Object.hasOwn(self, name)) continue;
       const value = self[name];
       delete self[name];
@@ -130,8 +130,8 @@ export class MediaElement extends Base {
     if (this.movie) this.seekTo(this.movie.timeBegin + time);
   }
 
-  /** @param {number} time of the stream */
-  seekTo(time) {
+  /** @param {number} time of the stream @param {number} [tolerance] as of Movie.seek() */
+  seekTo(time, tolerance) {
     const {movie} = this;
     if (!movie) return;
     const isLast = (seeks => () => movie === this.movie && seeks === this.seeks)(++this.seeks);
@@ -141,7 +141,7 @@ export class MediaElement extends Base {
       this.seeks = 0;
       if (isShown) for (const type of ['timeupdate', 'seeked']) this.tell(type);
     };
-    movie.seek(time).then(() => ended(true), () => ended(false));
+    movie.seek(time, {tolerance}).then(() => ended(true), () => ended(false));
   }
 
   get seeking() { return this.seeks > 0; }

@@ -4,6 +4,8 @@
 // words of their language: declarations (`let name: type = ..`), names of types, and `skip`, which ends the work on
 // a Gaussian that is not seen.
 
+import {eyeOf} from './camera.js';
+
 export const rowsPerLine = 256;
 
 /** @typedef {import('l4dcodec').Rendering} Rendering numbers that a stream may state; shaders have them as constants */
@@ -146,8 +148,7 @@ export const cameraTerms = ({worldToCamera: m, fx, fy, cx, cy, nearPlane}, width
   return {
     rotation: [m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]],  // by columns
     translation: [m[3], m[7], m[11]],
-    center: [0, 1, 2].map(c => -(m[c] * m[3] + m[4 + c] * m[7] + m[8 + c] * m[11])),
-    focal: [fx, fy], origin: [cx, cy], size: [width, height],
+    center: eyeOf(m), focal: [fx, fy], origin: [cx, cy], size: [width, height],
     slopes: [-cx / fx - margins[0], -cy / fy - margins[1], (width - cx) / fx + margins[0], (height - cy) / fy + margins[1]],
     nearPlane
   };

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The order in which Gaussians are drawn at an instant: farthest first.
 
-const packed = 10;  // position, opacity, velocity, reference time, mean time and lambda or a flat window
+const packed = 11;  // position, opacity, velocity, reference time, mean time and lambda or a flat window, size
 const digitBits = 11;
 const digits = 1 << digitBits;
-const leastAlpha = 1 / 255;  // of what bounds are of
+const leastAlpha = 1 / 255;  // of what bounds and points are of
+const leastHit = 0.1;        // of light that is stopped, where there is something at all
 
 /**
  * @typedef {object} Sight what the order depends on
@@ -40,6 +41,8 @@ export class Sorter {
       for (let i = 0; i < 8; ++i) data[to + i] = geometry[from + i];
       data[to + 8] = geometry[from + 14];
       data[to + 9] = geometry[from + 15];
+      // The standard deviation of a disc that is as large.
+      data[to + 10] = Math.sqrt((geometry[from + 8] + geometry[from + 11] + geometry[from + 13]) / 2);
     }
     this.buckets.set(key, {lines, data, count, center, stream});
     this.rows += count;
@@ -149,14 +152,11 @@ export class Sorter {
   firstLines = [];
 
   /**
-   * What a camera should look at: the median of the positions at an instant, weighted by opacity, the radius
-   * of the ball that holds nine tenths of the opacity, and the scene's extent along each axis.
-   * @param {import('l4dcodec').StreamTime[]} streams
+   * Calls fn with the position, the opacity and the size of each Gaussian that is seen at an instant.
+   * @param {import('l4dcodec').StreamTime[]} streams @param {number} step of them, one is looked at
+   * @param {(x: number, y: number, z: number, opacity: number, size: number) => void} fn
    */
-  bounds(streams) {
-    /** @type {number[][]} */
-    const points = [];
-    const step = Math.max(1, Math.floor(this.rows / 50000));
+  #each(streams, step, fn) {
     for (const {data, count, center, stream} of this.buckets.values()) {
       const instant = streams.find(s => s.stream === stream);
       if (!instant) continue;
@@ -169,9 +169,48 @@ export class Sorter {
         const opacity = data[at + 3] * (flat ? 1 : Math.exp(-0.5 * data[at + 9] * since * since));
         if (opacity < leastAlpha || flat && (frame < data[at + 8] || frame >= -data[at + 9])) continue;
         const dt = t - data[at + 7];
-        points.push([0, 1, 2].map(i => data[at + i] + data[at + 4 + i] * dt).concat(opacity));
+        fn(data[at] + data[at + 4] * dt, data[at + 1] + data[at + 5] * dt, data[at + 2] + data[at + 6] * dt, opacity, data[at + 10]);
       }
     }
+  }
+
+  /**
+   * The point where a ray has lost half of its light, or else where it loses most; null where it meets next to nothing. Gaussians
+   * count as balls, which is near enough to point at something.
+   * @param {Sight} sight @param {import('./camera.js').Ray} ray @returns {import('./camera.js').Vec3 | null}
+   */
+  pick({streams, depth: [x, y, z, w], nearPlane}, {origin, direction, blur}) {
+    /** @type {[number, number][]} depth and alpha */
+    const hits = [];
+    this.#each(streams, 1, (px, py, pz, opacity, size) => {
+      const far = x * px + y * py + z * pz + w;
+      if (!(far > nearPlane)) return;
+      const aside = (px - origin[0] - far * direction[0]) ** 2 + (py - origin[1] - far * direction[1]) ** 2 +
+        (pz - origin[2] - far * direction[2]) ** 2;
+      const alpha = opacity * Math.exp(-0.5 * aside / (size * size + (blur * far) ** 2));
+      if (alpha >= leastAlpha) hits.push([far, Math.min(alpha, 1)]);
+    });
+    hits.sort((a, b) => a[0] - b[0]);
+    let light = 1, at = 0, most = 0;
+    for (const [far, alpha] of hits) {
+      const stopped = light * alpha;
+      light -= stopped;
+      if (stopped > most || light < 0.5) [most, at] = [stopped, far];
+      if (light < 0.5) break;
+    }
+    return 1 - light < leastHit ? null :
+      [origin[0] + at * direction[0], origin[1] + at * direction[1], origin[2] + at * direction[2]];
+  }
+
+  /**
+   * What a camera should look at: the median of the positions at an instant, weighted by opacity, the radius
+   * of the ball that holds nine tenths of the opacity, and the scene's extent along each axis.
+   * @param {import('l4dcodec').StreamTime[]} streams
+   */
+  bounds(streams) {
+    /** @type {number[][]} */
+    const points = [];
+    this.#each(streams, Math.max(1, Math.floor(this.rows / 50000)), (x, y, z, opacity) => points.push([x, y, z, opacity]));
     if (points.length === 0) return null;
     const total = points.reduce((sum, p) => sum + p[3], 0);
     const quantile = (/** @type {number[][]} */ pairs, /** @type {number} */ share) => {

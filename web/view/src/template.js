@@ -28,6 +28,9 @@ slot[name=fallback] { display: none; }
 :host([unsupported]) slot[name=fallback] { display: block; }
 ::slotted([slot=fallback]) { position: absolute; inset: 0; width: 100%; height: 100%; object-fit: cover; }
 :host([controls=none]) :is(.bar, .shade, .big, .menu), :host([unsupported]) :is(.bar, .shade, .big, .menu) { display: none; }
+.spots { position: absolute; inset: 0; overflow: clip; isolation: isolate; pointer-events: none; }
+.spots slot { position: absolute; left: 0; top: 0; display: block; width: max-content; }
+.spots ::slotted(*) { pointer-events: auto; }
 .hint { position: absolute; inset: 0; margin: auto; width: fit-content; height: fit-content; padding: 9px 14px; border-radius: 8px;
   background: rgb(9 12 16 / .8); pointer-events: none; opacity: 0; transition: opacity .2s; }
 .hint.on { opacity: 1; }
@@ -134,9 +137,10 @@ const addStyle = root => {
   }
 };
 
-const html = `<canvas part="canvas" tabindex="0" role="application" aria-label="Scene. Drag to turn, arrow keys with Alt to turn, wheel or plus and minus to zoom."></canvas>
+const html = `<canvas part="canvas" tabindex="0" role="application" aria-label="Scene. Drag to turn, arrow keys with Alt to turn, wheel or plus and minus to zoom, double click to look at a point."></canvas>
 <img class="poster" part="poster" alt="" hidden>
 <slot name="fallback"></slot>
+<div class="spots"></div>
 <slot name="captions"></slot>
 <div class="spinner" role="presentation" hidden></div>
 <button class="big" part="big" aria-label="Play" tabindex="-1" aria-hidden="true" hidden>${icons.play}</button>

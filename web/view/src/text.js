@@ -77,3 +77,6 @@ export const overlayLines = (movie, view, fps) => {
     ['memory', `${number(memoryBytes / 1e6)} MB`]
   ];
 };
+
+/** Of `Movie.liveState`, what people want to know. @type {Record<string, string>} */
+export const liveTexts = {stale: 'Nothing new has come for a while', restarted: 'The recording began again'};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 import {inlined, startWorker} from 'l4dcodec';
-import {OrbitCamera} from './camera.js';
+import {OrbitCamera, rayOf} from './camera.js';
 import {Painter} from './painter.js';
 import {chooseSurface, GlSurface} from './surface.js';
 
@@ -55,8 +55,10 @@ export class View {
     this.refilling = null;
     /** For what of `wanted` to be drawn. @type {{wanted: number, wake: () => void}[]} */
     this.waiting = [];
-    /** @type {((bounds: any) => void)[]} */
-    this.boundsWaiting = [];
+    /** For answers of the sorter, which come in the order of what it was asked. @type {((answer: any) => void)[]} */
+    this.asking = [];
+    /** Called when a picture was drawn. */
+    this.ondraw = () => {};
     this.stats = {frames: 0, visible: 0, sortMs: 0, drawMs: 0, rows: 0};
     /** Rows of each bucket. @type {Map<string, number>} */
     this.rows = new Map();
@@ -146,11 +148,23 @@ export class View {
   }
 
   /** @returns {Promise<{middle: number[], extent: number[], radius: number} | null>} */
-  bounds() {
+  bounds() { return this.#ask({type: 'bounds', streams: this.movie?.streamsAt(this.movie.currentTime) ?? []}); }
+
+  /**
+   * The position in the scene that is seen at a pixel of the canvas, from its upper left corner; null: nothing is.
+   * @param {number} x @param {number} y @returns {Promise<import('./camera.js').Vec3 | null>}
+   */
+  positionAt(x, y) {
+    if (!this.movie) return Promise.resolve(null);
+    return this.#ask({type: 'pick', sight: this.#sight(this.movie), ray: rayOf(this.camera(), x, y)});
+  }
+
+  /** What the sorter answers; null after the end. @param {object} question @returns {Promise<any>} */
+  #ask(question) {
     if (this.disposed) return Promise.resolve(null);
     return new Promise(resolve => {
-      this.boundsWaiting.push(resolve);
-      this.sorter.postMessage({type: 'bounds', streams: this.movie?.streamsAt(this.movie.currentTime) ?? []});
+      this.asking.push(resolve);
+      this.sorter.postMessage(question);
     });
   }
 
@@ -163,20 +177,35 @@ export class View {
     return new Promise(resolve => this.waiting.push({wanted: this.wanted, wake: () => resolve()}));
   }
 
-  /** The settled picture: [height, width, 4], from the top. @returns {Promise<Uint8Array>} */
-  async pixels() {
+  /**
+   * The settled picture: [height, width, 4], from the top. Of another size than the canvas has, `orbit` must be its camera.
+   * @param {number} [width] @param {number} [height] @returns {Promise<Uint8Array>}
+   */
+  async pixels(width, height) {
     // What was drawn in an earlier task is not there any more.
     if (this.drawn === this.wanted) this.change();
     await this.settled();
-    if (!this.movie || !this.painter) throw new Error('nothing is shown');
-    return this.painter.pixels();
+    const {canvas, painter} = this;
+    if (!this.movie || !painter) throw new Error('nothing is shown');
+    const before = {width: canvas.width, height: canvas.height};
+    const wanted = {width: width ?? before.width, height: height ?? before.height};
+    if (wanted.width === before.width && wanted.height === before.height) return painter.pixels();
+    // Nobody sees it: within this task, the canvas gets its own picture back.
+    const draw = (/** @type {typeof before} */ size) => {
+      Object.assign(canvas, size);
+      painter.draw(this.camera(), this.order.streams, size.width, size.height, this.background);
+    };
+    draw(wanted);
+    const pixels = painter.pixels();
+    draw(before);
+    return pixels;
   }
 
   dispose() {
     this.hide();
     this.disposed = true;
     this.sorter.terminate();
-    for (const answer of this.boundsWaiting.splice(0)) answer(null);
+    for (const answer of this.asking.splice(0)) answer(null);
     this.observer?.disconnect();
     this.surface?.dispose();
   }
@@ -314,21 +343,27 @@ export class View {
     const drawn = this.waiting.filter(isDrawn);
     this.waiting = this.waiting.filter(waiting => !isDrawn(waiting));
     for (const {wake} of drawn) wake();
+    this.ondraw();
   }
 
   /** Asks for the order of now. @param {number} gone buckets @param {import('l4dcodec').Movie} movie */
   #sort(gone, movie) {
-    const {worldToCamera: m, nearPlane} = this.camera();
-    const streams = movie.streamsAt(movie.currentTime);
+    const sight = this.#sight(movie);
     this.sorting = this.wanted;
-    this.asked = {streams, gone};
-    this.sorter.postMessage({type: 'sort', id: this.sorting, sight: {
-      streams, depth: [m[8], m[9], m[10], m[11]], nearPlane, minAlpha: movie.info.rendering.minAlpha}});
+    this.asked = {streams: sight.streams, gone};
+    this.sorter.postMessage({type: 'sort', id: this.sorting, sight});
+  }
+
+  /** What is seen now, and from where. @param {import('l4dcodec').Movie} movie */
+  #sight(movie) {
+    const {worldToCamera: m, nearPlane} = this.camera();
+    return {streams: movie.streamsAt(movie.currentTime), depth: [m[8], m[9], m[10], m[11]], nearPlane,
+            minAlpha: movie.info.rendering.minAlpha};
   }
 
   /** @param {any} data */
   #receive(data) {
-    if (data.type === 'bounds') return this.boundsWaiting.shift()?.(data.bounds);
+    if (data.type === 'answer') return this.asking.shift()?.(data.answer);
     if (data.id === this.sorting) this.#setOrder(data);
     this.sorter.postMessage({type: 'return', order: data.order}, [data.order.buffer]);
     this.#request();

@@ -116,3 +116,29 @@ test('words', () => {
   assert.deepEqual(parseLink('#t=1&player=a%20b'), {time: 1, camera: undefined, player: 'a b'});
   assert.deepEqual(parseLink(''), {time: undefined, camera: undefined, player: undefined});
 });
+
+test('a ray ends where half of its light is gone, or most of what goes', () => {
+  const sorter = new Sorter();
+  const sight = {streams: [{stream: 0, time: 1, frame: 0}], depth: /** @type {any} */ ([0, 0, 1, 0]), nearPlane: 0.5, minAlpha: 1 / 255};
+  /** @type {any} */
+  const ray = {origin: [0, 0, 0], direction: [0.1, 0, 1], blur: 1e-3};
+  // x, z, opacity, speed along x: a haze, a wall behind it, one behind that, one aside, one behind the camera, one that moves there.
+  const splats = [[0.2, 2, 0.3, 0], [0.4, 4, 0.9, 0], [0.6, 6, 1, 0], [2, 3, 1, 0], [-1, 0.1, 1, 0], [-0.9, 1, 1, 1]];
+  const rowsOfThese = (/** @type {number[][]} */ these) => {
+    const geometry = new Float32Array(16 * these.length);
+    these.forEach(([x, z, opacity, speed], k) => {
+      geometry.set([x, 0, z, opacity, speed], 16 * k);
+      geometry.set([0.01, 0, 0, 0.01, 0, 0.0001], 16 * k + 8);
+    });
+    return geometry;
+  };
+  const pick = (/** @type {number[][]} */ these) => {
+    sorter.add('a', rowsOfThese(these), Uint32Array.of(0), 0, 0);
+    return sorter.pick(sight, ray);
+  };
+  assert.deepEqual(pick(splats)?.map(v => Math.round(1e6 * v) / 1e6), [0.1, 0, 1]);
+  assert.deepEqual(pick(splats.slice(0, 5))?.map(v => Math.round(1e6 * v) / 1e6), [0.4, 0, 4]);
+  assert.deepEqual(pick(splats.slice(0, 1))?.map(v => Math.round(1e6 * v) / 1e6), [0.2, 0, 2]);
+  assert.equal(pick([[0.2, 2, 0.05, 0]]), null);
+  assert.equal(pick(splats.slice(3, 5)), null);
+});

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "io/camera/read_cameras.h"
+
+namespace l4d::io {
+namespace {
+
+using Json = nlohmann::json;
+constexpr double kHalfTurn = 3.14159265358979323846;  // radians
+
+}  // namespace
+
+// Cameras of a walk through a scene, as the viewer of nerfstudio exports it: `camera_to_world` has
+// 16 numbers by rows, with x right, y up, z back; `fov` is that of the height, in degrees.
+CameraSet read_camera_path(const std::string& path, const Json& root) {
+  const CameraPlace file{path, ""};
+  CameraSet set;
+  set.source = "camera_path";
+  const std::string type = text_or(file, root, "camera_type", "perspective");
+  if (type != "perspective") {
+    file.fail(L4D_ERR_FEATURE_UNSUPPORTED,
+              "its camera_type is not perspective; cameras here are pinholes");
+  }
+  const uint32_t width = whole_number(file, root, "render_width", kMaxImageSize);
+  const uint32_t height = whole_number(file, root, "render_height", kMaxImageSize);
+  set.fps = number_or(file, root, "fps", 0);
+  if (!(set.fps >= 0 && set.fps <= kMaxFps)) file.fail("fps is not from 0 to 1000000");
+  const Json& cameras = member(file, root, "camera_path");
+  if (!cameras.is_array()) file.fail("camera_path is not a list");
+  for (size_t k = 0; k < cameras.size(); ++k) {
+    const CameraPlace place{path, "entry " + std::to_string(k) + " of camera_path"};
+    const Json& list = member(place, cameras[k], "camera_to_world");
+    if (!list.is_array() || list.size() != 16) {
+      place.fail("camera_to_world is not a list of 16 numbers");
+    }
+    double c2w[16], axes[9], center[3];
+    for (size_t i = 0; i < 16; ++i) c2w[i] = finite_number(place, list[i], "camera_to_world");
+    check_last_row(place, "camera_to_world", c2w + 12);
+    for (size_t r = 0; r < 3; ++r) {
+      axes[3 * r] = c2w[4 * r];
+      axes[3 * r + 1] = -c2w[4 * r + 1];
+      axes[3 * r + 2] = -c2w[4 * r + 2];
+      center[r] = c2w[4 * r + 3];
+    }
+    const double fov = number(place, cameras[k], "fov");
+    if (!(fov > 0 && fov < 180)) place.fail("fov is no angle between 0 and 180 degrees");
+    Camera camera;
+    camera.id = static_cast<int>(k);
+    l4d_camera& c = camera.camera = default_camera();
+    c.width = width;
+    c.height = height;
+    c.fx = c.fy = 0.5 * static_cast<double>(height) / std::tan(fov * kHalfTurn / 360);
+    c.cx = 0.5 * static_cast<double>(width);
+    c.cy = 0.5 * static_cast<double>(height);
+    set_pose(c, axes, center);
+    check_camera(place, camera);
+    set.cameras.push_back(std::move(camera));
+  }
+  return set;
+}
+
+}  // namespace l4d::io

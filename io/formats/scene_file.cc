@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/formats/scene_file.h"
+
+#include <new>
+#include <utility>
+
+#include "io/file/foreign_file.h"
+#include "io/formats/readers.h"
+
+namespace l4d::io {
+namespace {
+
+using Reader = Scene (*)(InputFile file, const ImportOptions& options);
+
+struct KnownReader {
+  const char* extension;  // as foreign_file.h names the kind
+  Reader read;
+};
+constexpr KnownReader kReaders[] = {{".safetensors", read_raw}, {".spz", read_spz},
+                                    {".sog", read_sog},         {".splat", read_splat},
+                                    {".ksplat", read_ksplat},   {".4dgs", read_4dgs},
+                                    {".splatv", read_splatv}};
+
+// Nothing for a PLY, and for what has no reader.
+Reader reader_of(const std::string& path, const std::string& name) {
+  const std::optional<ForeignKind> kind = identify_foreign(path, name);
+  if (!kind) return nullptr;
+  for (const KnownReader& known : kReaders) {
+    if (kind->extension == known.extension) return known.read;
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+bool is_scene_file(const std::string& path, const std::string& name) {
+  return is_ply(path) || reader_of(path, name) != nullptr;
+}
+
+Scene read_scene_file(const std::string& path, const std::string& name,
+                      const ImportOptions& options) {
+  const Reader read = reader_of(path, name);
+  if (read == nullptr) return read_scene_ply(path, options);
+  try {
+    return read(InputFile(path, options.holder), options);
+  } catch (const std::bad_alloc&) {
+    throw Error(L4D_ERR_OUT_OF_MEMORY, path + ": not enough memory for the scene");
+  }
+}
+
+}  // namespace l4d::io

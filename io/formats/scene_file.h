@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "io/ply/scene_ply.h"
+
+namespace l4d::io {
+
+// Whether read_scene_file() has a reader for the file at `path`, by its first bytes or, where these
+// say nothing, by the extension of `name`. Throws Error(L4D_ERR_IO).
+bool is_scene_file(const std::string& path, const std::string& name);
+
+// Reads a scene of any format that docs/formats.md lists as read, but for streams. Throws Error:
+// L4D_ERR_IO, L4D_ERR_CORRUPT, L4D_ERR_FEATURE_UNSUPPORTED, L4D_ERR_LIMIT_EXCEEDED.
+Scene read_scene_file(const std::string& path, const std::string& name,
+                      const ImportOptions& options = {});
+
+}  // namespace l4d::io

@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/sequence/sequence.h"
+
+#include <algorithm>
+#include <cmath>
+#include <new>
+#include <utility>
+
+#include "io/sequence/track.h"
+#include "libl4dcodec/base/threads.h"
+
+namespace l4d::io {
+namespace {
+
+constexpr size_t kTrackGrain = 2048;
+
+// Counts memory that grows, in steps.
+class Growing {
+ public:
+  Growing(Hold holder, std::string what) : holder_(std::move(holder)), what_(std::move(what)) {}
+  void reach(uint64_t bytes) {
+    if (bytes <= held_) return;
+    const uint64_t step = bytes - held_ + bytes / 8;
+    parts_.push_back(hold(holder_, step, what_));
+    held_ += step;
+  }
+  std::shared_ptr<void> keep() && {
+    return std::make_shared<std::vector<std::shared_ptr<void>>>(std::move(parts_));
+  }
+
+ private:
+  Hold holder_;
+  std::string what_;
+  uint64_t held_ = 0;
+  std::vector<std::shared_ptr<void>> parts_;
+};
+
+template <typename T>
+void append(const std::vector<T>& from, std::vector<T>* to) {
+  to->insert(to->end(), from.begin(), from.end());
+}
+
+class Reader {
+ public:
+  explicit Reader(const SequenceOptions& options)
+      : options_(options),
+        track_memory_(options.holder, "Gaussians that go on from frame to frame"),
+        output_memory_(options.holder, "the Gaussians of a sequence") {
+    clock_.frames = static_cast<uint32_t>(options.paths.size());
+    set_fps(timeline_, options.fps);
+    timeline_.num_frames = clock_.frames;
+    clock_.seconds = static_cast<double>(timeline_.fps_den) / timeline_.fps_num;
+  }
+
+  void add(uint32_t index, Frame now) {
+    check_frame(index, &now);
+    std::vector<uint32_t> from(now.count(), kNoRow);
+    bool in_order = true;
+    if (index > 0) from = match_rows(before_, velocities(), now, options_.match, &in_order);
+    report_.in_order = report_.in_order && in_order;
+    track_memory_.reach(now.count() *
+                        (sizeof(Track) + 2 * now.sh_numbers() * sizeof(float) + 2 * sizeof(void*)));
+    std::vector<std::unique_ptr<Track>> tracks(now.count());
+    follow(index, now, from, &tracks);
+    end_all();  // those that no row goes on from
+    tracks_ = std::move(tracks);
+    before_ = std::move(now);
+  }
+
+  Scene finish(SequenceReport* report) {
+    end_all();
+    Scene scene;
+    static_cast<AttributeArrays&>(scene) = std::move(out_.gaussians);
+    scene.sh_degree = before_.sh_degree;
+    scene.flags = 0;
+    scene.timeline = timeline_;
+    scene.placement = before_.placement;
+    scene.set_mean_times(std::move(out_.times));
+    if (out_.windows == 0) scene.window.clear();
+    scene.source = "sequence";
+    scene.memory = std::move(output_memory_).keep();
+    report_.fading = out_.fading;
+    report_.windows = out_.windows;
+    if (report != nullptr) *report = report_;
+    return scene;
+  }
+
+ private:
+  void check_frame(uint32_t index, Frame* frame) const {
+    if (index == 0) return;
+    const auto fail = [&](const std::string& message) {
+      throw Error(L4D_ERR_INVALID_SCENE, options_.paths[index] + ": " + message);
+    };
+    if (frame->sh_degree != before_.sh_degree) {
+      fail("spherical harmonics of degree " + std::to_string(frame->sh_degree) +
+           "; those of the frames before have degree " + std::to_string(before_.sh_degree));
+    }
+    l4d_placement& p = frame->placement;
+    const l4d_placement& first = before_.placement;
+    if (p.scale != first.scale || p.coordinate_system != first.coordinate_system ||
+        p.color_space != first.color_space) {
+      fail("its scale, coordinate system or colour space are not those of the frames before");
+    }
+    for (size_t k = 0; k < 3; ++k) {
+      const double shift = (p.origin[k] - first.origin[k]) / p.scale;
+      for (size_t i = k; i < frame->position.size() && shift != 0; i += 3) {
+        frame->position[i] = static_cast<float>(static_cast<double>(frame->position[i]) + shift);
+      }
+      p.origin[k] = first.origin[k];
+    }
+  }
+
+  std::vector<float> velocities() const {
+    std::vector<float> velocity(3 * tracks_.size());
+    for (size_t i = 0; i < tracks_.size(); ++i) {
+      if (tracks_[i]) std::copy_n(tracks_[i]->velocity(), 3, &velocity[3 * i]);
+    }
+    return velocity;
+  }
+
+  void follow(uint32_t index, const Frame& now, const std::vector<uint32_t>& from,
+              std::vector<std::unique_ptr<Track>>* tracks) {
+    std::vector<SequenceOutput> outputs((now.count() + kTrackGrain - 1) / kTrackGrain);
+    std::vector<uint64_t> matched(outputs.size(), 0), unseen(outputs.size(), 0);
+    parallel_for(options_.threads, now.count(), kTrackGrain, [&](size_t begin, size_t end) {
+      for (size_t j = begin; j < end; ++j) {
+        if (!(now.opacity[j] >= kLeastOpacity) || !is_finite(now, j)) {
+          ++unseen[begin / kTrackGrain];
+          continue;
+        }
+        const Sample sample{&now.position[3 * j], &now.log_scale[3 * j], &now.rotation[4 * j],
+                            now.opacity[j], &now.sh[now.sh_numbers() * j]};
+        std::unique_ptr<Track>* old = from[j] == kNoRow ? nullptr : &tracks_[from[j]];
+        if (old != nullptr && *old) {
+          ++matched[begin / kTrackGrain];
+          if ((*old)->add(sample)) {
+            (*tracks)[j] = std::move(*old);
+            continue;
+          }
+          (*old)->finish(clock_, &outputs[begin / kTrackGrain]);
+          old->reset();
+        }
+        (*tracks)[j] = std::make_unique<Track>(index, sample, now.sh_numbers(), options_.tolerance);
+      }
+    });
+    for (size_t k = 0; k < outputs.size(); ++k) {
+      take(outputs[k]);
+      report_.matched += matched[k];
+      report_.unseen += unseen[k];
+    }
+    report_.rows += now.count();
+  }
+
+  static bool is_finite(const Frame& frame, size_t j) {
+    const auto finite = [](const float* values, size_t count) {
+      return std::all_of(values, values + count, [](float x) { return std::isfinite(x); });
+    };
+    return finite(&frame.position[3 * j], 3) && finite(&frame.log_scale[3 * j], 3) &&
+           finite(&frame.rotation[4 * j], 4) &&
+           finite(&frame.sh[frame.sh_numbers() * j], frame.sh_numbers());
+  }
+
+  // Finishes the tracks that are left.
+  void end_all() {
+    std::vector<SequenceOutput> outputs((tracks_.size() + kTrackGrain - 1) / kTrackGrain);
+    parallel_for(options_.threads, tracks_.size(), kTrackGrain, [&](size_t begin, size_t end) {
+      for (size_t i = begin; i < end; ++i) {
+        if (tracks_[i]) tracks_[i]->finish(clock_, &outputs[begin / kTrackGrain]);
+      }
+    });
+    for (const SequenceOutput& output : outputs) take(output);
+    tracks_.clear();
+  }
+
+  void take(const SequenceOutput& more) {
+    AttributeArrays& to = out_.gaussians;
+    const AttributeArrays& from = more.gaussians;
+    const size_t n = out_.times.size() + more.times.size();
+    const size_t numbers = 3 + 4 + 8 + 1 + 2 + 3 * sizeof(double) / sizeof(float);
+    const size_t sh = n == 0 ? 0 : (to.sh.size() + from.sh.size()) / n;
+    // Arrays that grow are up to twice as large, and once more while they move.
+    output_memory_.reach(2 * n * (numbers + sh) * sizeof(float));
+    append(from.position, &to.position);
+    append(from.log_scale, &to.log_scale);
+    append(from.rotor, &to.rotor);
+    append(from.opacity, &to.opacity);
+    append(from.sh, &to.sh);
+    append(from.window, &to.window);
+    append(more.times, &out_.times);
+    out_.fading += more.fading;
+    out_.windows += more.windows;
+  }
+
+  const SequenceOptions& options_;
+  l4d_timeline timeline_{};
+  SequenceClock clock_;
+  Frame before_;
+  std::vector<std::unique_ptr<Track>> tracks_;  // of the rows of before_; null where unseen
+  SequenceOutput out_;
+  SequenceReport report_{0, 0, 0, 0, 0, true};
+  Growing track_memory_, output_memory_;
+};
+
+}  // namespace
+
+Scene read_sequence(const SequenceOptions& options, SequenceReport* report) {
+  if (options.paths.empty() || options.paths.size() > L4D_MAX_FRAMES) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT, "a sequence has 1 to 2^24 frames");
+  }
+  try {
+    Reader reader(options);
+    for (size_t k = 0; k < options.paths.size(); ++k) {
+      if (options.progress) options.progress(k, options.paths.size());
+      reader.add(static_cast<uint32_t>(k), read_frame(options.paths[k], options.holder));
+    }
+    return reader.finish(report);
+  } catch (const std::bad_alloc&) {
+    throw Error(L4D_ERR_OUT_OF_MEMORY, "not enough memory for the sequence");
+  }
+}
+
+}  // namespace l4d::io

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+# shellcheck shell=bash
+# Frames, each a file with a static scene, become one stream that shows each at its time.
+make_scene s.ply 400
+mkdir frames
+expect 0 slice s.ply --from 0 --to 1 --fps 30 -o frames/f_%03d.ply
+expect 0 encode 'frames/f_%03d.ply' --fps 30 --preset lossless -o clip.l4d
+expect_text err '30 frames with .* rows go on from a frame before'
+expect_document 0 info clip.l4d
+expect_json out 'd["num_frames"] == 30 and d["num_gaussians"] < 800'
+# What the stream shows at the time of a frame is that frame, but for what is too faint to be drawn.
+count_seen() {
+  "$PYTHON" - "$1" <<'PY'
+import math, struct, sys
+data = open(sys.argv[1], "rb").read()
+end = data.index(b"end_header\n")
+names = [l.split()[-1] for l in data[:end].decode().splitlines() if l.startswith("property")]
+body, width = data[end + 11:], 4 * len(names)
+rows = [struct.unpack_from("<%df" % len(names), body, i) for i in range(0, len(body), width)]
+at = names.index("opacity")
+print(sum(1 / (1 + math.exp(-r[at])) >= 1.2 / 255 for r in rows))
+PY
+}
+for k in 0 13 29; do
+  t=$("$PYTHON" -c "print(repr($k / 30))")
+  expect 0 slice clip.l4d --time "$t" -o s.ply.$k
+  a=$(count_seen "frames/f_$(printf %03d $k).ply") b=$(count_seen s.ply.$k)
+  "$PYTHON" -c "import sys; sys.exit(abs($a - $b) > 0.02 * $a + 2)" || die "frame $k: $a are $b Gaussians"
+done
+
+# The same by a folder, and by names; the rate may follow from a duration.
+expect 0 encode frames --seconds 1 --preset lossless -o folder.l4d
+cmp clip.l4d folder.l4d
+expect 0 encode frames/*.ply --fps 30 --preset lossless -o names.l4d
+cmp clip.l4d names.l4d
+echo text > frames/notes.txt
+expect 0 encode frames --fps 30 --preset lossless -o folder.l4d --force
+expect_text err '1 entries that are no files of scenes'
+expect 0 encode frames -o rate.l4d --preset lossless
+expect_text err 'no frame rate; 30'
+expect 0 encode frames --fps 30 --match none --preset lossless -o none.l4d
+"$PYTHON" -c 'import os, sys; sys.exit(os.path.getsize("none.l4d") < 5 * os.path.getsize("clip.l4d"))' ||
+  die 'matches save nothing'
+expect 0 encode frames --fps 30 --sequence-error position=0.5,color=0.05 -o coarse.l4d
+
+# Careless hands.
+expect 2 encode frames
+expect_text err '.--output is needed|--output is needed'
+expect 2 encode s.ply --match order -o x.l4d
+expect 2 encode frames --match rows -o x.l4d
+expect 2 encode frames --sequence-error size=1 -o x.l4d
+expect_text err 'none of position'
+expect 2 encode frames --sequence-error position=-1 -o x.l4d
+expect 3 encode 'frames/g_%d.ply' -o x.l4d
+expect_text err 'no file has a name of this pattern'
+rm frames/f_007.ply
+expect 2 encode 'frames/f_%03d.ply' -o x.l4d
+expect_text err 'f_007.ply. is missing'
+mkdir empty
+expect 3 encode empty -o x.l4d
+expect 5 encode s.ply s.ply -o x.l4d
+expect_text err 's.ply: a scene that changes over time'
+cp frames/f_001.ply damaged.ply
+truncate -s -1 damaged.ply
+expect 4 encode frames/f_000.ply damaged.ply -o x.l4d
+expect_text err 'damaged.ply'
+expect 6 encode frames --limit-memory 20k -o x.l4d
+expect_missing x.l4d
+
+# Frames that become frames are converted one by one, and keep what a 4D scene would round.
+expect 0 convert frames 'again_%02d.ply'
+frame=0
+for file in frames/f_*.ply; do
+  expect 0 convert "$file" alone.ply -f
+  cmp alone.ply "$(printf 'again_%02d.ply' "$frame")"
+  frame=$((frame + 1))
+done
+expect_missing "$(printf 'again_%02d.ply' "$frame")"
+expect 2 convert frames 'frames/f_%03d.ply' -f
