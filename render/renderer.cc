@@ -340,7 +340,7 @@ Status Renderer::importance(const l4d_camera& camera, const ImportanceInput& inp
   L4D_RETURN_IF_ERROR(ready(camera));
   begin_view();
   BackwardInput back;
-  back.rgb_gradient = input.rgb_gradient;
+  back.signs = input.signs;
   back.geometry = input.seen == nullptr;
   back.seen = input.seen;
   return with_path([&](auto& path) -> Status {

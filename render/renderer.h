@@ -41,8 +41,8 @@ class Renderer {
     Gradient4D<float> gradient;
   };
   struct ImportanceInput {
-    // [height, width, 3] with which weight pixels count, or NULL: 1.
-    const float* rgb_gradient = nullptr;
+    // What makes the signs with which the channels of pixels count, or NULL: 1.
+    const uint64_t* signs = nullptr;
     // Derivatives by attributes as streams code them (positions at t_ref, rotors normalised), not
     // as the scene gives them.
     bool as_coded = false;
@@ -69,7 +69,6 @@ class Renderer {
   }
   int threads() const { return threads_; }
   // Whether `bytes` would be allowed beside what is held; LIMIT_EXCEEDED if not.
-  Status check_memory(uint64_t bytes, const char* what) { return memory_.check(bytes, what); }
   double time() const { return time_; }  // of the last set_time, seconds
 
  private:

@@ -31,6 +31,8 @@ struct BackwardInput {
   // [height, width, 3] derivative of the scalar by each pixel, or NULL: the scalar is the sum of
   // all pixels and channels.
   const float* rgb_gradient = nullptr;
+  // Not NULL, and rgb_gradient NULL: that derivative is a sign, which mix(*signs + pixel) gives.
+  const uint64_t* signs = nullptr;
   // false: fills `coverage` only.
   bool geometry = true;
   // Not NULL: [Gaussians of the scene]; coverage of those marked 1 is not wanted and may stay 0.

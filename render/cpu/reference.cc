@@ -6,6 +6,8 @@
 #include <cmath>
 #include <vector>
 
+#include "render/frame/importance_numbers.h"
+
 namespace l4d::render {
 namespace {
 
@@ -116,9 +118,12 @@ std::vector<double> blend(const View<double>& view, const std::vector<Item>& ite
 
 // Derivative of the scalar by the three channels of a pixel.
 void upstream(const BackwardInput& input, size_t pixel, double* g /* [3] */) {
-  for (size_t c = 0; c < 3; ++c) {
+  const uint64_t bits = input.signs != nullptr ? mix(*input.signs + pixel) : 0;
+  for (int c = 0; c < 3; ++c) {
     const float* given = input.rgb_gradient;
-    g[c] = given != nullptr ? static_cast<double>(given[3 * pixel + c]) : 1;
+    g[c] = given != nullptr         ? static_cast<double>(given[3 * pixel + static_cast<size_t>(c)])
+           : input.signs != nullptr ? static_cast<double>(sign_of(bits, c))
+                                    : 1;
   }
 }
 

@@ -42,6 +42,11 @@ L4D_HOST_DEVICE inline uint64_t mix(uint64_t x) {
   return x ^ (x >> 31);
 }
 
+// The sign of a channel: bits is mix(base + pixel).
+L4D_HOST_DEVICE inline float sign_of(uint64_t bits, int channel) {
+  return (bits >> channel & 1) != 0 ? 1.0f : -1.0f;
+}
+
 // Sums as whole numbers of small units, the same in any order: binary places of each kind, and
 // where what does not fit stays.
 constexpr int kCoverageBits = 24;

@@ -118,16 +118,6 @@ Status Sensitivity::check_renderer(const Renderer& renderer) const {
   return {};
 }
 
-void Sensitivity::draw_signs(uint64_t seed, size_t pixels, int threads) {
-  signs_.resize(3 * pixels);
-  parallel_for(threads, pixels, kGrain, [&](size_t begin, size_t end) {
-    for (size_t p = begin; p < end; ++p) {
-      const uint64_t bits = mix(seed + p);
-      for (size_t c = 0; c < 3; ++c) signs_[3 * p + c] = (bits >> c & 1) != 0 ? 1.0f : -1.0f;
-    }
-  });
-}
-
 Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool visibility_only,
                              bool wait) {
   L4D_RETURN_IF_ERROR(check_renderer(renderer));
@@ -145,16 +135,10 @@ Status Sensitivity::add_view(Renderer& renderer, const l4d_camera& camera, bool 
         renderer.add_importance(camera, squared, signs, visibility_only, device_.get(), wait));
     device_read_ = false;
   } else {
-    const bool draws = squared && !visibility_only;
-    L4D_RETURN_IF_ERROR(renderer.check_memory(draws ? 3 * sizeof(float) * pixels : 0,
-                                              "the signs of the pixels of a view"));
     Renderer::ImportanceInput input;
     if (visibility_only) input.seen = seen_.data();
-    if (draws && check_image_size(camera.width, camera.height).ok()) {
-      draw_signs(signs, static_cast<size_t>(pixels), renderer.threads());
-      input.rgb_gradient = signs_.data();
-      input.as_coded = true;
-    }
+    input.as_coded = squared && !visibility_only;
+    if (input.as_coded) input.signs = &signs;
     L4D_RETURN_IF_ERROR(renderer.importance(camera, input, &items_));
     add_on_host(visibility_only, renderer.threads());
   }

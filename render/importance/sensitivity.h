@@ -49,8 +49,6 @@ class Sensitivity {
 
   // Why a view cannot be added, if so.
   Status check_renderer(const Renderer& renderer) const;
-  // A sign for every channel of every pixel.
-  void draw_signs(uint64_t seed, size_t pixels, int threads);
   void add_on_host(bool visibility_only, int threads);
   // Adds what one view shows of a Gaussian: all of it, or only that it is seen.
   void add_item(const Renderer::Importance& item);
@@ -75,7 +73,6 @@ class Sensitivity {
   bool fixed_point_;
   std::vector<int64_t> whole_, fixed_visible_only_;
   std::vector<Renderer::Importance> items_;
-  std::vector<float> signs_;
   // How often each full view has been added, by view_key().
   std::unordered_map<uint64_t, uint64_t> repeats_;
   // What renderers on a device have added, beside the sums above.

@@ -9,6 +9,7 @@
 #include "render/cpu/fast/bins.h"
 #include "render/cpu/fast/blend_simd.h"
 #include "render/cpu/fast/project_simd.h"
+#include "render/frame/importance_numbers.h"
 
 namespace l4d::render {
 
@@ -220,7 +221,8 @@ class FastRasterizer : public Rasterizer<float> {
     L4D_RETURN_IF_ERROR(renew(memory_, &instances_, bins_.instances(), "gradients by tile"));
     for_tiles(view, band, [&](size_t t, const TileInput& tile) {
       TileUpstream upstream;
-      upstream.one_channel = input.rgb_gradient == nullptr;
+      const float* given = input.rgb_gradient;
+      upstream.one_channel = given == nullptr && input.signs == nullptr;
       const size_t channels = upstream.one_channel ? 1 : 3;
       for (size_t c = 0; c < channels; ++c) std::fill_n(upstream.gradient[c], kTilePixels, 0.0f);
       for (int y = 0; y < tile.height; ++y) {
@@ -228,9 +230,11 @@ class FastRasterizer : public Rasterizer<float> {
           const size_t pixel = static_cast<size_t>(tile.y + y) * static_cast<size_t>(view.width) +
                                static_cast<size_t>(tile.x + x);
           const int at = y * kTile + x;
+          const uint64_t bits = input.signs != nullptr ? mix(*input.signs + pixel) : 0;
           for (size_t c = 0; c < channels; ++c) {
-            upstream.gradient[c][at] =
-                upstream.one_channel ? 1.0f : input.rgb_gradient[3 * pixel + c];
+            upstream.gradient[c][at] = upstream.one_channel ? 1.0f
+                                       : given != nullptr   ? given[3 * pixel + c]
+                                                            : sign_of(bits, static_cast<int>(c));
           }
         }
       }

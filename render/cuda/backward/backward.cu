@@ -93,9 +93,8 @@ __device__ void start(const FrameInput& input, const BackwardTask& task, int x, 
   const uint64_t bits = task.upstream == Upstream::kSigns ? mix(task.signs + at) : 0;
 #pragma unroll
   for (int c = 0; c < kChannels; ++c) {
-    const float sign = (bits >> c & 1) != 0 ? 1.0f : -1.0f;
     pixel->gradient[c] = task.upstream == Upstream::kSigns
-                             ? sign
+                             ? sign_of(bits, c)
                              : task.rgb_gradient[3 * at + static_cast<size_t>(c)];
     pixel->behind = fmaf(pixel->gradient[c], rgb[c], pixel->behind);
   }
