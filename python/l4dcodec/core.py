@@ -111,7 +111,7 @@ def c_string(value: Union[str, bytes], what: str) -> bytes:
 def array_of(what: str, values: Any, shape: Tuple[int, ...], dtype: Any) -> npt.NDArray[Any]:
     """A contiguous array of this shape and type with these values. Raises Error if they have another shape, are no
     numbers, or are such as an integer type does not hold."""
-    if np.ma.is_masked(values):
+    if isinstance(values, np.ma.MaskedArray) and np.any(values.mask):
         raise Error(Status.INVALID_ARGUMENT, f"`{what}` has masked values")
     given, wanted = np.asarray(values), np.dtype(dtype)
     if given.shape != shape:
@@ -291,6 +291,7 @@ class _File:
     """A file by its path."""
 
     def __init__(self, path: Path) -> None:
+        path_bytes(path)  # refuses a NUL
         self._file = os.open(path, os.O_RDONLY)
 
     def __del__(self) -> None:

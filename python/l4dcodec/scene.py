@@ -295,9 +295,10 @@ def parts_of(scene: Scene) -> Any:
     """The l4dpy_parts of a scene, and what it borrows, as a pair. Raises Error if an array has another shape."""
     n, degree, kept = len(scene.opacity), degree_of(scene.sh), {}
     for name in ATTRIBUTES:
-        given = np.asarray(getattr(scene, name))
+        given = getattr(scene, name)
+        dtype = np.asarray(given).dtype
         # float32 does not hold what is of more than 4 bytes, nor integers of 4.
-        wide = given.dtype.itemsize > 4 or (given.dtype.kind in "iu" and given.dtype.itemsize == 4)
+        wide = dtype.itemsize > 4 or (dtype.kind in "iu" and dtype.itemsize == 4)
         double = name in ("mean_t", "position") and wide
         kept[name] = array_of(name, given, shape_of(name, n, degree), np.float64 if double else np.float32)
     parts = _stated(scene)
