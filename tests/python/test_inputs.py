@@ -87,7 +87,7 @@ def transforms(frames: Sequence[Any] = (), **keys: Any) -> bytes:
 
 
 def cameras() -> Dict[str, bytes]:
-    lens = {"fl_x": 500.0, "fl_y": 500.0}
+    lens: Any = {"fl_x": 500.0, "fl_y": 500.0}
     return {
         "sizes from JPEGs, focal lengths by frame": transforms(
             [{"file_path": "images/a.jpg", "fl_x": 500}, {"file_path": "images/b.jpg", "fl_x": 700}]),
@@ -178,7 +178,8 @@ def test_cameras_are_read_in_one_way(tmp_path: pathlib.Path) -> None:
         refusal = plain(refusal, path)
         assert refusal == refused, name
         if document:
-            assert document["notes"] == notes, name
+            # The tool has notes on what it writes, too.
+            assert [note for note in document["notes"] if note in notes] == notes, name
         if TRAINER.exists() and refusal:
             _, trained = told("inspect", tmp_path, program=TRAINER)
             assert plain(trained, path).endswith(refusal), name
