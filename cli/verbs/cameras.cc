@@ -105,12 +105,12 @@ void note_left_out(Context& context, const io::CameraSet& set) {
     images += camera.image.empty() ? 0U : 1U;
   }
   if (instants > 0) {
-    context.note(format_count(instants) +
-                 " cameras have an instant each, which cameras.json has no key for");
+    context.note("cameras.json has no key for an instant, which cameras have: " +
+                 format_count(instants));
   }
   if (images > 0) {
-    context.note(format_count(images) +
-                 " cameras name an image each, which cameras.json has no key for");
+    context.note("cameras.json has no key for an image, which cameras have: " +
+                 format_count(images));
   }
 }
 

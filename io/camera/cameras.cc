@@ -57,8 +57,8 @@ std::vector<std::string> notes_of_pinholes(const CameraSet& set) {
       set.cameras.begin(), set.cameras.end(),
       [](const Camera& camera) { return camera.distortion.model != Distortion::Model::kNone; });
   if (distorted > 0) {
-    notes.push_back("The distortion of the lens of " + std::to_string(distorted) +
-                    " cameras is left out: pictures of them must be undistorted.");
+    notes.push_back("Cameras whose lens distorts, which is left out: " + std::to_string(distorted) +
+                    "; pictures of them must be undistorted.");
   }
   return notes;
 }

@@ -251,8 +251,7 @@ void ColumnSet::note_unread() {
     elements.push_back(element.name + " (" + std::to_string(element.count) + " rows)");
   }
   if (elements.empty()) return;
-  scene_.notes.push_back(std::to_string(elements.size()) +
-                         " elements were not read: " + list_of_names(elements) + ".");
+  scene_.notes.push_back("Elements that were not read: " + list_of_names(elements) + ".");
 }
 
 }  // namespace l4d::io

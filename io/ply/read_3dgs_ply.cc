@@ -20,8 +20,8 @@ void raise_flat_scales(Scene& scene) {
   size_t raised = 0;
   for (size_t i = 0; i < scene.count(); ++i) raised += raise_flat_scale(&scene.log_scale[4 * i]);
   if (raised > 0) {
-    scene.notes.push_back(std::to_string(raised) +
-                          " Gaussians had a scale below e^-16, which was raised to that.");
+    scene.notes.push_back("Gaussians with a scale below e^-16, which was raised to that: " +
+                          std::to_string(raised) + ".");
   }
 }
 

@@ -45,8 +45,8 @@ void note_unturned(const std::vector<float>& quaternion, Scene& scene) {
     unturned += std::all_of(q, q + 4, [](float x) { return x == 0; }) ? 1U : 0U;
   }
   if (unturned == 0) return;
-  scene.notes.push_back(std::to_string(unturned) +
-                        " Gaussians have a rotation of length 0, which is taken as none.");
+  scene.notes.push_back(
+      "Rotations of length 0, which are taken as none: " + std::to_string(unturned) + ".");
 }
 
 void settle_rows(const ImportOptions& options, Scene& scene) {
@@ -64,8 +64,8 @@ void settle_rows(const ImportOptions& options, Scene& scene) {
     ++infinite;
   }
   if (infinite == 0) return;
-  scene.notes.push_back(std::to_string(infinite) +
-                        " Gaussians have an infinite logit, which is taken as opacity 1 or 0.");
+  scene.notes.push_back(
+      "Infinite logits, which are taken as opacity 1 or 0: " + std::to_string(infinite) + ".");
 }
 
 }  // namespace l4d::io

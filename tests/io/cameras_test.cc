@@ -340,7 +340,7 @@ TEST_F(CamerasTest, TransformsWithIntrinsicsPerFileAndFrame) {
   EXPECT_EQ(set.notes.size(), 0U);
   const std::vector<std::string> notes = notes_of_pinholes(set);
   ASSERT_EQ(notes.size(), 1U);
-  EXPECT_NE(notes[0].find("distortion of the lens of 2 cameras"), std::string::npos) << notes[0];
+  EXPECT_NE(notes[0].find("lens distorts, which is left out: 2;"), std::string::npos) << notes[0];
 }
 
 TEST_F(CamerasTest, TransformsTakeSizesFromImages) {

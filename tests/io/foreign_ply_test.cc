@@ -36,7 +36,7 @@ TEST_F(ForeignPlyTest, UnreadPropertiesAndElementsAreNamed) {
   ASSERT_GE(scene.notes.size(), 3U);
   EXPECT_EQ(scene.notes[1],
             "7 of 21 properties were not read: nx, ny, nz, segment_0 .. segment_3.");
-  EXPECT_EQ(scene.notes[2], "1 elements were not read: camera (7 rows).");
+  EXPECT_EQ(scene.notes[2], "Elements that were not read: camera (7 rows).");
 }
 
 TEST_F(ForeignPlyTest, RotationsThatAreNoneAreNotTakenForSome) {
@@ -48,7 +48,7 @@ TEST_F(ForeignPlyTest, RotationsThatAreNoneAreNotTakenForSome) {
   const Scene scene = read_scene_ply(write("none.ply", text));
   EXPECT_EQ(scene.rotor[0], 1);
   EXPECT_EQ(std::count(scene.notes.begin(), scene.notes.end(),
-                       "1 Gaussians have a rotation of length 0, which is taken as none."),
+                       "Rotations of length 0, which are taken as none: 1."),
             1);
 }
 
@@ -150,7 +150,7 @@ TEST_F(ForeignPlyTest, InfiniteLogitsAreOpacitiesOfOneAndZero) {
     text.replace(text.find(" 0.250000"), 9, std::string(" ") + value);
   const Scene scene = read_scene_ply(write("i.ply", text));
   EXPECT_EQ(scene.opacity, (std::vector<float>{18, -104, 0.25F}));
-  EXPECT_TRUE(has_note(scene, "2 Gaussians have an infinite logit"));
+  EXPECT_TRUE(has_note(scene, "Infinite logits, which are taken as opacity 1 or 0: 2."));
 }
 
 TEST_F(ForeignPlyTest, ValuesThatLookActivatedAreSaidToAndReadSo) {

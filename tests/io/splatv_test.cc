@@ -144,7 +144,7 @@ TEST_F(SplatvTest, NumbersAtTheEndsOfTheirRange) {
   EXPECT_NEAR(scene.log_scale[4 + 3], std::log(32.0), 1e-6) << "16 times two seconds";
   for (size_t i = 2; i < 6; ++i) EXPECT_TRUE(std::isnan(scene.log_scale[4 * i + 3])) << i;
   ASSERT_EQ(scene.notes.size(), 2U);
-  EXPECT_EQ(scene.notes[0], "1 Gaussians had a scale below e^-16, which was raised to that.");
+  EXPECT_EQ(scene.notes[0], "Gaussians with a scale below e^-16, which was raised to that: 1.");
   EXPECT_EQ(scene.notes[1].rfind("1 Gaussians are never seen", 0), 0U);
   EXPECT_EQ(read(file_of("")).count(), 0U);
 }

@@ -183,13 +183,13 @@ def test_cameras_are_read_in_one_way(tmp_path: pathlib.Path) -> None:
         if TRAINER.exists() and refusal:
             _, trained = told("inspect", tmp_path, program=TRAINER)
             assert plain(trained, path).endswith(refusal), name
-        rows.append(row(name, f"{len(document_cameras(tmp_path))} cameras" if document else "", notes, refusal))
+        rows.append(row(name, cameras_written(tmp_path) if document else "", notes, refusal))
     check_table("cameras", rows)
 
 
-def document_cameras(folder: pathlib.Path) -> List[Any]:
-    cameras: List[Any] = json.loads((folder / "out.json").read_text())["cameras"]
-    return cameras
+def cameras_written(folder: pathlib.Path) -> str:
+    count = len(json.loads((folder / "out.json").read_text())["cameras"])
+    return f"{count} camera{'s' if count > 1 else ''}"
 
 
 def check_table(what: str, rows: Sequence[str]) -> None:
