@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What tests in Chromium share: a server of the player's files and of streams, with faults, and pages.
+import assert from 'node:assert/strict';
 import {createServer} from 'node:http';
 import {readFileSync} from 'node:fs';
 import {extname, join} from 'node:path';
@@ -142,3 +143,25 @@ export const opened = page => page.waitForFunction(() => {
   const player = document.querySelector('l4d-player');
   return player?.isOpen && player.shadowRoot.querySelector('.poster').classList.contains('gone');
 }, undefined, {timeout: 120000});
+
+/**
+ * Runs fn with a page of this body, which may not complain.
+ * @param {any} browser @param {{url: string}} server @param {string} body @param {(page: any) => Promise<void>} fn
+ * @param {{hash?: string, headers?: Record<string, string>, size?: [number, number], script?: string, errors?: RegExp, options?: any}} [how]
+ *   errors: what it may complain of; options: of the page
+ */
+export const pageWith = async (browser, server, body, fn, {hash = '', headers = {}, size = [480, 270], script = 'player.js', errors,
+                                                           options} = {}) => {
+  const page = await newPage(browser, {viewport: {width: size[0], height: size[1]}, ...options});
+  try {
+    await page.route('**/page.html', route => route.fulfill({
+      contentType: 'text/html', headers: {'content-type': 'text/html', ...headers},
+      body: `<!doctype html><body>${body}${script && `<script type="module" src="${script}"></script>`}`
+    }));
+    await page.goto(`${server.url}page.html${hash}`);
+    await fn(page);
+    assert.deepEqual(page.errors.filter(error => !errors?.test(error)), []);
+  } finally {
+    await page.close();
+  }
+};
