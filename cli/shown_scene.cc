@@ -60,6 +60,7 @@ SplatArrays ShownScene::slice(double seconds, const l4d_operating_point& point,
     return arrays;
   }
   SplatArrays arrays = members_->slice(seconds, point);
+  has_moved_ = members_->time() != seconds;
   for (const eval::ShownMembers::Shown& s : members_->shown()) losses->add(*s.decoder, s.offset);
   for (const auto& [index, why] : members_->left_out()) {
     context_.note(name_ + ": left out is " + why);

@@ -22,6 +22,9 @@ class ShownScene {
   // point: how much of the streams is shown. Adds what was lost to `losses`.
   SplatArrays slice(double seconds, const l4d_operating_point& point, LossReport* losses);
 
+  // Whether the last slice shows another instant than was asked for, since no stream has that one.
+  bool has_moved() const { return has_moved_; }
+
   // Of all decoders so far.
   uint64_t buckets_decoded() const;
   uint64_t cache_hits() const;
@@ -35,6 +38,7 @@ class ShownScene {
   std::unique_ptr<TolerantStream> stream_;
   std::unique_ptr<FileReader> reader_;
   std::unique_ptr<eval::ShownMembers> members_;
+  bool has_moved_ = false;
 };
 
 }  // namespace l4d::cli

@@ -66,11 +66,26 @@ MHD_Result add_header(void* user, MHD_ValueKind, const char* key, const char* va
   return MHD_YES;
 }
 
+// RFC 9112, 3.2.2: clients may ask for "http://host/path", and that host is the one that counts.
+void take_authority(HttpRequest* request) {
+  constexpr char kScheme[] = "http://";
+  constexpr size_t kLength = sizeof(kScheme) - 1;
+  if (::strncasecmp(request->path.c_str(), kScheme, kLength) != 0) return;
+  const size_t end = std::min(request->path.find('/', kLength), request->path.size());
+  const std::string host = request->path.substr(kLength, end - kLength);
+  for (auto& [key, value] : request->headers) {
+    if (::strcasecmp(key.c_str(), "Host") == 0) value = host;
+  }
+  request->path.erase(0, end);
+  if (request->path.empty()) request->path = "/";
+}
+
 HttpRequest request_of(MHD_Connection* connection, const char* path, const char* method) {
   HttpRequest request;
   request.method = method;
   request.path = path;
   MHD_get_connection_values(connection, MHD_HEADER_KIND, add_header, &request.headers);
+  take_authority(&request);
   const auto* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
   request.peer_port = ntohs(reinterpret_cast<const sockaddr_in*>(info->client_addr)->sin_port);
   return request;

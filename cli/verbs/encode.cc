@@ -149,9 +149,13 @@ struct Measuring {
 
 Importance measure(Context& context, const Input& input, const io::Scene& scene,
                    const Measuring& measuring) {
-  return about(input.name(), [&] {
+  Importance importance = about(input.name(), [&] {
     return measure_importance(context, "encode", scene, measuring.views, measuring.how);
   });
+  if (importance.report.unseen == scene.count()) {
+    throw Failure(L4D_ERR_INVALID_SCENE, "the cameras show nothing of " + input.name());
+  }
+  return importance;
 }
 
 void write_stream(const std::string& path, const std::vector<unsigned char>& stream) {

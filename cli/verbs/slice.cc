@@ -60,6 +60,7 @@ struct Slices {
   Json frames = Json::array();
   uint64_t splats = 0;
   uint64_t bytes = 0;
+  uint64_t moved = 0;
   double seconds = 0;
   LossReport losses;
   io::WriteNotes notes;
@@ -84,6 +85,7 @@ Slices write_slices(Context& context, const Input& input, ShownScene& scene,
     SplatArrays arrays =
         about(input.name(), [&] { return scene.slice(times[k], point, &slices.losses); });
     slices.seconds += watch.seconds();
+    slices.moved += scene.has_moved() ? 1U : 0U;
     Json frame = {{"index", k}, {"time", times[k]}, {"gaussians", arrays.count()}};
     slices.splats += arrays.count();
     if (outputs.empty()) {
@@ -146,6 +148,10 @@ Outcome run_slice(Context& context, const SliceArguments& arguments) {
   const Slices slices = write_slices(context, input, scene, times, names, outputs, point);
   slices.losses.note(context, input.name());
   print_notes(context, slices.notes);
+  if (slices.moved > 0) {
+    context.note("instants that lie between the streams of the file: " +
+                 format_count(slices.moved) + "; the nearest that a stream has are shown");
+  }
   if (arguments.digest) {
     context.note(
         "slices are not normative: equal digests tell that builds of this library agree, "

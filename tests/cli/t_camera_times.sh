@@ -36,3 +36,11 @@ expect_document 0 encode s.ply -o w.l4d --cameras transforms_test.json --seconds
 expect_json out 'any("--seconds (4): the last view is at 1 s" in n for n in d["notes"])'
 expect_document 0 encode s.ply -o t.l4d --cameras transforms_test.json --seconds 4 --target-fidelity 30dB
 expect_json out 'any("--seconds (4): the last view is at 1 s" in n for n in d["notes"])'
+
+# Cameras that look away tell nothing, and the encode says so, refitted or not.
+sed 's/\[0, 0, 1, 8\]/[0, 0, 1, -500]/' transforms_test.json > away.json
+for refit in 0 2; do
+  expect 4 encode s.ply -o none.l4d --cameras away.json --refit $refit
+  expect_text err 'the cameras show nothing of s.ply'
+  expect_missing none.l4d
+done

@@ -168,6 +168,10 @@ expect_document 0 repair damaged.l4d -o rest.l4d
 expect_json out 'd["kept"] == [0, 2] and [m["number"] for m in d["dropped"]] == [1]'
 expect_document 0 validate rest.l4d
 expect_json out 'd["valid"]'
+# In the hole that it leaves, the nearest instant is shown and not in silence.
+expect_document 0 slice rest.l4d --time 1.6 --digest
+expect_json out 'sum("between the streams of the file: 1;" in n for n in d["notes"]) == 1'
+expect_equal "$(digest_at rest.l4d 1.6)" "$(digest_at rest.l4d 1.7)"
 cp abc.l4d damaged_end.l4d
 printf '\x55\xaa' | dd of=damaged_end.l4d bs=1 seek=$((size - 1500)) conv=notrunc 2> /dev/null
 expect_document 0 repair damaged_end.l4d -o rest_end.l4d

@@ -215,6 +215,10 @@ done
 url=$with_token
 get /a.l4d -H 'Host: evil.example'
 expect_status 403 "another host"
+get /a.l4d --request-target "${url%/}/a.l4d"
+expect_status 200 "a whole URL in place of a path"
+get /a.l4d --request-target "http://evil.example/${url#http://*/}a.l4d"
+expect_status 403 "a whole URL of another host"
 get /a.l4d -H "Host: localhost:$(echo "$url" | cut -d: -f3 | cut -d/ -f1)"
 expect_status 200 "localhost"
 for method in POST PUT DELETE; do
