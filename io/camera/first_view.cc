@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <utility>
 
@@ -157,16 +158,6 @@ class Grid {
       if (cell < depth_.size()) depth_[cell] += each;
     }
   }
-  // Of the broadest side of a Gaussian; 0 where it is absurd.
-  static double area_of(const Scene& scene, size_t i) {
-    Vec3 size;
-    for (size_t k = 0; k < 3; ++k) {
-      size[k] = std::exp(static_cast<double>(scene.log_scale[4 * i + k]));
-    }
-    std::sort(size.begin(), size.end());
-    const double area = 6.283185307179586 * size[1] * size[2];
-    return std::isfinite(area) ? area : 0;
-  }
   Vec3 middle_of(size_t cell) const {
     const size_t index[3] = {cell / (kCells * kCells), cell / kCells % kCells, cell % kCells};
     Vec3 p;
@@ -218,20 +209,46 @@ std::optional<Subject> visible_subject(const Scene& scene) {
   }
 }
 
-}  // namespace
-
-void state_first_view(const std::vector<l4d_camera>& cameras, double alone,
-                      l4d_presentation* presentation) {
-  if (cameras.empty()) return;
-  Vec3 middle{};
+// The camera with the highest score among those that look ahead rather than up or down: kLevel
+// more of that than the one with the least are left out.
+const l4d_camera& best_of(const std::vector<l4d_camera>& cameras, const Vec3& up,
+                          const std::function<double(const l4d_camera&)>& score) {
+  constexpr double kLevel = 0.2;  // of the sine of the elevation
+  const auto steepness = [&](const l4d_camera& c) { return std::abs(dot(row_of(c, 2), up)); };
+  double least = 1;
+  for (const l4d_camera& camera : cameras) least = std::min(least, steepness(camera));
+  const l4d_camera* best = nullptr;
+  double most = 0;
   for (const l4d_camera& camera : cameras) {
-    middle = ahead(middle, 1 / static_cast<double>(cameras.size()), center_of(camera));
+    if (steepness(camera) > least + kLevel) continue;
+    const double value = score(camera);
+    if (best != nullptr && !(value > most)) continue;
+    best = &camera;
+    most = value;
   }
-  const auto nearest = std::min_element(
-      cameras.begin(), cameras.end(), [&](const l4d_camera& a, const l4d_camera& b) {
-        return length(minus(center_of(a), middle)) < length(minus(center_of(b), middle));
-      });
-  const l4d_camera& camera = *nearest;
+  return *best;
+}
+
+// Up of most cameras; of the camera itself where that is no direction.
+Vec3 common_up(const std::vector<l4d_camera>& cameras) {
+  Vec3 sum{};
+  for (const l4d_camera& camera : cameras) sum = minus(sum, row_of(camera, 1));
+  const double share = length(sum) / static_cast<double>(cameras.size());
+  return share > 0.1 ? unit(sum) : ahead({0, 0, 0}, -1, row_of(cameras[0], 1));
+}
+
+// The camera's own up, but for one that was held askew.
+Vec3 upright(const l4d_camera& camera, const Vec3& up) {
+  constexpr double kHeldStraight = 0.94;  // 20 degrees
+  const Vec3 own = ahead({0, 0, 0}, -1, row_of(camera, 1)), forward = row_of(camera, 2);
+  const Vec3 seen = ahead(up, -dot(up, forward), forward);
+  return dot(own, seen) < kHeldStraight * length(seen) ? up : own;
+}
+
+void state_view_of(const std::vector<l4d_camera>& cameras, double alone, const Vec3& up,
+                   const std::function<double(const l4d_camera&)>& score,
+                   l4d_presentation* presentation) {
+  const l4d_camera& camera = best_of(cameras, up, score);
   const Vec3 eye = center_of(camera), forward = row_of(camera, 2);
   double spread = 0;
   for (const l4d_camera& other : cameras) {
@@ -242,18 +259,47 @@ void state_first_view(const std::vector<l4d_camera>& cameras, double alone,
   const double depth = dot(minus(point, eye), forward);
   // Axes may meet behind cameras that look outwards.
   const double distance = std::max(depth > 0.05 * usual ? depth : usual, camera.near_plane);
-  set_camera(eye, ahead(eye, distance, forward), ahead({0, 0, 0}, -1, row_of(camera, 1)),
+  set_camera(eye, ahead(eye, distance, forward), upright(camera, up),
              2 * std::atan(camera.height / (2 * camera.fy)), presentation);
 }
 
+}  // namespace
+
+void state_first_view(const std::vector<l4d_camera>& cameras, double alone,
+                      l4d_presentation* presentation) {
+  if (cameras.empty()) return;
+  Vec3 middle{};
+  for (const l4d_camera& camera : cameras) {
+    middle = ahead(middle, 1 / static_cast<double>(cameras.size()), center_of(camera));
+  }
+  state_view_of(
+      cameras, alone, common_up(cameras),
+      [&](const l4d_camera& camera) { return -length(minus(center_of(camera), middle)); },
+      presentation);
+}
+
 void state_first_view(const CameraSet& set, const Scene& scene, l4d_presentation* presentation) {
-  std::vector<l4d_camera> train, all;
+  std::vector<l4d_camera> cameras, all;
   for (const Camera& camera : set.cameras) {
     all.push_back(camera.camera);
-    if (camera.split == "train") train.push_back(camera.camera);
+    if (camera.split == "train") cameras.push_back(camera.camera);
   }
+  if (cameras.empty()) cameras = all;
   const std::optional<Subject> subject = visible_subject(scene);
-  state_first_view(train.empty() ? all : train, subject ? subject->radius : 1, presentation);
+  if (!subject) return state_first_view(cameras, 1, presentation);
+  if (cameras.empty()) return;
+  const Grid grid(scene, *subject);
+  const Vec3 up = common_up(cameras);
+  state_view_of(
+      cameras, subject->radius, up,
+      [&](const l4d_camera& camera) {
+        const Vec3 eye = center_of(camera);
+        const Vec3 way = minus(subject->center, eye);
+        const double faces = length(way) > 0 ? dot(row_of(camera, 2), unit(way)) : 0;
+        // One that looks elsewhere shows it at the edge, or not at all.
+        return faces < 0.5 ? faces - 1 : faces * grid.seen_from(eye, row_of(camera, 1));
+      },
+      presentation);
 }
 
 void state_first_view(const Scene& scene, l4d_presentation* presentation) {
@@ -261,8 +307,7 @@ void state_first_view(const Scene& scene, l4d_presentation* presentation) {
   if (!visible) return;
   const Subject& subject = *visible;
   const Grid grid(scene, subject);
-  Vec3 up{};
-  up[subject.up_axis] = subject.up_sign;
+  const Vec3& up = subject.up;
   const Vec3 across{1, 0, 0}, along = cross(up, across);
   const double fits = subject.radius / std::sin(kFov / 2);
   Vec3 best{};

@@ -11,13 +11,15 @@
 // rest of it.
 namespace l4d::io {
 
-// The view of the camera nearest to the middle of them, looking at the point of its axis that is
-// nearest to all axes. alone: distance of that point where there is but one camera, scene units.
-// Nothing happens where there is none.
+// The view of the camera nearest to the middle of those that look ahead rather than up or down,
+// towards the point of its axis that is nearest to all axes; upright, if it was held askew. alone:
+// distance of that point where there is but one camera, scene units. Nothing happens where there is
+// none.
 void state_first_view(const std::vector<l4d_camera>& cameras, double alone,
                       l4d_presentation* presentation);
 
-// The same of the cameras that train, or of all where none says so, and of the scene they look at.
+// The same of the cameras that train, or of all where none says so; of those that look ahead the one
+// that sees most of the dense parts of the scene (below).
 void state_first_view(const CameraSet& set, const Scene& scene, l4d_presentation* presentation);
 
 // Without cameras: of a few dozen places around and within the subject of the scene

@@ -53,8 +53,7 @@ CameraSet orbit_cameras(const Scene& scene, uint32_t count, uint32_t width, uint
                 "images have 1 to " + std::to_string(kMaxImageSize) + " pixels a side");
   }
   const Subject subject = subject_of(scene);
-  Vec3 up{};
-  up[subject.up_axis] = subject.up_sign;
+  const Vec3& up = subject.up;
   const double distance = subject.radius / std::sin(kHalfView);
 
   CameraSet set;

@@ -18,9 +18,17 @@ constexpr double kBallShare = 0.9;
 constexpr double kFullestShare = 0.2, kPerCell = 8;
 constexpr size_t kMostCells = 64;  // a side
 
+// The foot of a scene: surface at most as far away as kNear radii, and of one Gaussian at most a
+// square of a quarter of one; more of it in the lowest quarter of the height than in the highest.
+constexpr double kNear = 1.5, kBroadest = 0.25, kEnd = 0.02;
+// Of axes, z has a foot only if it is so much clearer than that of y, which is what most scenes
+// have; an axis whose ends differ by less than kLeastFoot has none.
+constexpr double kClearer = 0.15, kLeastFoot = 0.1;
+
 struct Point {
   Vec3 at;
   double weight;
+  double surface;  // opacity times area
 };
 
 using Weighted = std::pair<double, double>;  // value, weight
@@ -58,22 +66,19 @@ std::vector<Point> visible_points(const Scene& scene) {
       p.at[k] = static_cast<double>(position[3 * i + k]);
       usable = usable && std::isfinite(p.at[k]);
     }
+    p.surface = p.weight * area_of(scene, i);
     if (usable) points.push_back(p);
   }
   return points;
 }
 
-// Around the median: its ball, and how far 90 % extend along each axis.
-Subject ball_of(const std::vector<Point>& points, Vec3* spread) {
+// Around the median: the ball that holds kBallShare.
+Subject ball_of(const std::vector<Point>& points) {
   Subject ball;
   for (size_t k = 0; k < 3; ++k) {
     ball.center[k] = quantile(points, 0.5, [&](const Vec3& p) { return p[k]; });
   }
   const Vec3& c = ball.center;
-  for (size_t k = 0; k < 3; ++k) {
-    (*spread)[k] =
-        quantile(points, kBallShare, [&](const Vec3& p) { return std::abs(p[k] - c[k]); });
-  }
   ball.radius = quantile(points, kBallShare, [&](const Vec3& p) {
     return std::hypot(p[0] - c[0], p[1] - c[1], p[2] - c[2]);
   });
@@ -115,19 +120,58 @@ std::vector<Point> dense_points(const std::vector<Point>& points, const Subject&
   return dense;
 }
 
-Subject ball_of_bounds(const l4d_presentation& presentation, Vec3* spread) {
+Subject ball_of_bounds(const l4d_presentation& presentation) {
   Subject ball;
   double squared = 0;
   for (size_t k = 0; k < 3; ++k) {
     ball.center[k] = (presentation.bounds_min[k] + presentation.bounds_max[k]) / 2;
-    (*spread)[k] = (presentation.bounds_max[k] - presentation.bounds_min[k]) / 2;
-    squared += (*spread)[k] * (*spread)[k];
+    const double half = (presentation.bounds_max[k] - presentation.bounds_min[k]) / 2;
+    squared += half * half;
   }
   ball.radius = squared > 0 ? std::sqrt(squared) : 1;
   return ball;
 }
 
+// How much broader the subject is at its low end along an axis than at its high one, from -1 to 1.
+double foot_of(const std::vector<Point>& points, const Subject& subject, size_t axis) {
+  const double broadest = kBroadest * kBroadest * subject.radius * subject.radius;
+  std::vector<Weighted> heights;
+  for (const Point& p : points) {
+    const Vec3& c = subject.center;
+    if (std::hypot(p.at[0] - c[0], p.at[1] - c[1], p.at[2] - c[2]) > kNear * subject.radius) {
+      continue;
+    }
+    heights.emplace_back(p.at[axis], std::min(p.surface, p.weight * broadest));
+  }
+  if (heights.empty()) return 0;
+  const double low = weighted_quantile(heights, kEnd), high = weighted_quantile(heights, 1 - kEnd);
+  double below = 0, above = 0;
+  for (const auto& [height, surface] : heights) {
+    if (height < low + (high - low) / 4) below += surface;
+    if (height > high - (high - low) / 4) above += surface;
+  }
+  return below + above > 0 ? (below - above) / (below + above) : 0;
+}
+
+Vec3 up_of(const std::vector<Point>& points, const Subject& subject, uint32_t coordinates) {
+  if (coordinates == L4D_COORDINATES_RIGHT_UP_BACK) return {0, 1, 0};
+  if (coordinates == L4D_COORDINATES_RIGHT_DOWN_FORWARD) return {0, -1, 0};
+  const double y = foot_of(points, subject, 1), z = foot_of(points, subject, 2);
+  if (std::abs(z) > std::max(std::abs(y) + kClearer, kLeastFoot)) return {0, 0, z > 0 ? 1.0 : -1.0};
+  return {0, y > kLeastFoot ? 1.0 : -1.0, 0};
+}
+
 }  // namespace
+
+double area_of(const Scene& scene, size_t i) {
+  Vec3 size;
+  for (size_t k = 0; k < 3; ++k) {
+    size[k] = std::exp(static_cast<double>(scene.log_scale[4 * i + k]));
+  }
+  std::sort(size.begin(), size.end());
+  const double area = 6.283185307179586 * size[1] * size[2];
+  return std::isfinite(area) ? area : 0;
+}
 
 std::vector<float> visible_positions(const Scene& scene) {
   Scene moved;
@@ -150,20 +194,15 @@ Subject subject_of(const Scene& scene) {
   if (points.empty()) {
     throw Error(L4D_ERR_INVALID_SCENE, "no Gaussian is visible: there is nothing to look at");
   }
-  Vec3 spread{};
-  Subject subject;
-  if (scene.presentation.has_bounds != 0) {
-    subject = ball_of_bounds(scene.presentation, &spread);
-  } else {
-    subject = ball_of(points, &spread);
-    Vec3 unused;
-    const Subject dense = ball_of(dense_points(points, subject), &unused);
+  const bool has_bounds = scene.presentation.has_bounds != 0;
+  Subject subject = has_bounds ? ball_of_bounds(scene.presentation) : ball_of(points);
+  // What it stands on is not dense: it counts before the rest is left out.
+  subject.up = up_of(points, subject, scene.placement.coordinate_system);
+  if (!has_bounds) {
+    const Subject dense = ball_of(dense_points(points, subject));
     subject.center = dense.center;
     subject.radius = dense.radius;
   }
-  subject.up_axis = 2 * spread[2] < spread[1] ? 2 : 1;
-  const uint32_t coordinates = scene.placement.coordinate_system;
-  subject.up_sign = subject.up_axis == 2 || coordinates == L4D_COORDINATES_RIGHT_UP_BACK ? 1 : -1;
   return subject;
 }
 

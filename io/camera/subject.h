@@ -13,16 +13,19 @@ namespace l4d::io {
 struct Subject {
   Vec3 center{};
   double radius = 1;
-  // Of x, y, z the vertical one: y or z, whichever way the scene extends less (y where equal).
-  size_t up_axis = 1;
-  double up_sign = 1;  // which end of it is up: as the coordinates say, else +z or, of y, -y
+  Vec3 up{0, -1, 0};
 };
 
 // The ball around the bounds that the scene states, else the one that holds 90 % of the opacity of
 // the dense parts: of floaters, and of scenery that is thinly covered, there is little there.
-// Gaussians count where they are at the reference time. Throws Error(L4D_ERR_INVALID_SCENE) if none
+// Gaussians count where they are at the reference time. Up is +y or -y where the scene states its
+// coordinates; else the end of the y or z axis away from the foot: what stands is broad there.
+// Where neither axis has one it is -y, as structure from motion has it. Throws Error(L4D_ERR_INVALID_SCENE) if none
 // is visible.
 Subject subject_of(const Scene& scene);
+
+// Of the broadest side of Gaussian i, square scene units; 0 where it is absurd.
+double area_of(const Scene& scene, size_t i);
 
 // Positions where Gaussians are seen, [N, 3]. Those of Gaussians whose mean time lies far outside
 // the sequence can be far outside the scene.

@@ -113,6 +113,69 @@ TEST(FirstView, OfCamerasIsOneThatTrains) {
   EXPECT_NE(p.camera_position[0], 0);
 }
 
+// A dome of cameras: most look down at a bare floor, and the middle of all is nearest to those.
+TEST(FirstView, OfADomeLooksAhead) {
+  std::vector<l4d_camera> cameras;
+  for (int k = 0; k < 12; ++k) {
+    const double turn = 0.5 * k, height = k < 4 ? -1 : -4;
+    const double out = k < 4 ? 5 : 1;
+    cameras.push_back(
+        looking({out * std::sin(turn), height, out * std::cos(turn)}, {0, k < 4 ? -1.0 : 0.0, 0}));
+  }
+  l4d_presentation p = default_presentation();
+  state_first_view(cameras, 1, &p);
+  EXPECT_NEAR(p.camera_position[1], -1, 1e-9);
+  EXPECT_LT(p.camera_up[1], -0.99);
+}
+
+TEST(FirstView, IsUprightWhereACameraWasHeldAskew) {
+  std::vector<l4d_camera> cameras;
+  for (const double x : {-3.0, 3.0, 0.0}) {
+    l4d_presentation p = default_presentation();
+    p.camera_position[0] = x;
+    p.camera_target[2] = 5;
+    p.camera_up[x == 0 ? 0 : 1] = -1;
+    p.camera_fov = 0.8;
+    cameras.push_back(camera_of(p, 64, 48));
+  }
+  l4d_presentation p = default_presentation();
+  state_first_view(cameras, 1, &p);
+  EXPECT_EQ(p.camera_position[0], 0);
+  EXPECT_LT(p.camera_up[1], -0.8);
+}
+
+// What a scene stands on tells what is up, whether the scene is tall or wide.
+TEST(Subject, StandsOnItsFoot) {
+  const auto up_of = [](const Vec3& foot, double tall) {
+    Scene scene = empty_scene();
+    add_ball(&scene, 3000, {0, 0, 0}, 0.3, 0.03, 0.9F);
+    for (size_t i = 0; i < scene.count(); ++i) {
+      for (size_t k = 0; k < 3; ++k) {
+        if (foot[k] != 0) scene.position[3 * i + k] *= static_cast<float>(tall);
+      }
+    }
+    const size_t first = scene.count();
+    add_ball(&scene, 300, {0, 0, 0}, 1, 0.1, 0.9F);
+    for (size_t i = first; i < scene.count(); ++i) {
+      for (size_t k = 0; k < 3; ++k) {
+        float& x = scene.position[3 * i + k];
+        if (foot[k] != 0) x = static_cast<float>(foot[k] * 0.3 * tall) + 0.1F * x;
+      }
+    }
+    return subject_of(scene).up;
+  };
+  for (const double tall : {0.3, 1.0, 5.0}) {
+    EXPECT_EQ(up_of({0, 1, 0}, tall), (Vec3{0, -1, 0})) << tall;
+    EXPECT_EQ(up_of({0, -1, 0}, tall), (Vec3{0, 1, 0})) << tall;
+    EXPECT_EQ(up_of({0, 0, -1}, tall), (Vec3{0, 0, 1})) << tall;
+  }
+  Scene even = empty_scene();
+  add_ball(&even, 3000, {0, 0, 0}, 1, 0.03, 0.9F);
+  EXPECT_EQ(subject_of(even).up, (Vec3{0, -1, 0}));
+  even.placement.coordinate_system = L4D_COORDINATES_RIGHT_UP_BACK;
+  EXPECT_EQ(subject_of(even).up, (Vec3{0, 1, 0}));
+}
+
 TEST(Subject, LeavesOutFloatersAndHills) {
   Scene scene = empty_scene();
   add_ball(&scene, 6000, {2, 0, 1}, 1, 0.03, 0.9F);
@@ -134,7 +197,6 @@ TEST(Subject, IsWhatTheSceneStates) {
   const Subject subject = subject_of(scene);
   EXPECT_EQ(subject.center, (Vec3{1, 2, 2}));
   EXPECT_EQ(subject.radius, 3);
-  EXPECT_EQ(subject.up_axis, 1U);
 }
 
 // A ball within walls is seen from within the walls; one behind a wall from its open side.
