@@ -57,6 +57,17 @@ DealtViews deal_views(const CameraViews& all, size_t least) {
 
 namespace {
 
+// The scale of a ball whose section is as broad as the broadest side of a Gaussian: sqrt(a b) where
+// its standard deviations are a >= b >= c, of which c is small.
+float scale_of_broadest(const float* covariance /* xx xy xz yy yz zz */) {
+  const double xx = static_cast<double>(covariance[0]), xy = static_cast<double>(covariance[1]),
+               xz = static_cast<double>(covariance[2]), yy = static_cast<double>(covariance[3]),
+               yz = static_cast<double>(covariance[4]), zz = static_cast<double>(covariance[5]);
+  // (ab)^2 + (ac)^2 + (bc)^2
+  const double minors = xx * yy - xy * xy + xx * zz - xz * xz + yy * zz - yz * yz;
+  return static_cast<float>(0.25 * std::log(std::max(minors, 1e-60)));
+}
+
 io::Scene scene_of(SplatArrays&& splats, const l4d_timeline& timeline,
                    const l4d_placement& placement, const l4d_presentation& presentation) {
   io::Scene instant;
@@ -66,6 +77,10 @@ io::Scene scene_of(SplatArrays&& splats, const l4d_timeline& timeline,
   instant.position = std::move(splats.position);
   instant.opacity = std::move(splats.opacity);
   instant.mean_t.resize(instant.opacity.size());
+  instant.log_scale.resize(4 * instant.opacity.size());
+  for (size_t i = 0; i < instant.opacity.size(); ++i) {
+    std::fill_n(&instant.log_scale[4 * i], 3, scale_of_broadest(&splats.covariance[6 * i]));
+  }
   return instant;
 }
 
@@ -90,6 +105,7 @@ io::Scene instant_of(const io::Scene& scene, double seconds) {
     instant.opacity.push_back(static_cast<float>(linear_opacity(scene, i) * part));
   }
   instant.mean_t.resize(scene.count());
+  instant.log_scale = scene.log_scale;
   return instant;
 }
 

@@ -152,15 +152,9 @@ struct Path {
   }
 };
 
-// Whether what the scene states of its first view decides: nobody says from where to look.
-bool shows_first_view(const RenderArguments& arguments, const eval::RenderedScene& scene) {
-  return arguments.cameras.empty() && arguments.camera.empty() &&
-         scene.presentation().has_camera != 0;
-}
-
 // The camera of the first view, or with --swing one for each frame: there and back, once.
 std::vector<l4d_camera> first_view_path(const RenderArguments& arguments,
-                                        const eval::RenderedScene& scene, size_t frames) {
+                                        const l4d_presentation& first, size_t frames) {
   constexpr double kTurn = 6.283185307179586;
   uint32_t width, height;
   made_up_size(arguments.size, &width, &height);
@@ -169,8 +163,7 @@ std::vector<l4d_camera> first_view_path(const RenderArguments& arguments,
   std::vector<l4d_camera> cameras;
   for (size_t k = 0; k < count; ++k) {
     const double phase = kTurn * static_cast<double>(k) / static_cast<double>(count);
-    const l4d_presentation view = io::turned(scene.presentation(), angle * std::sin(phase));
-    cameras.push_back(io::camera_of(view, width, height));
+    cameras.push_back(io::camera_of(io::turned(first, angle * std::sin(phase)), width, height));
   }
   return cameras;
 }
@@ -179,19 +172,27 @@ Path camera_path(Context& context, const RenderArguments& arguments, const io::C
                  const eval::RenderedScene& scene, size_t frames) {
   Path path;
   io::CameraSet set;
-  const auto orbit = [&](uint32_t count) {
-    const io::Scene instant =
-        about(arguments.input, [&] { return scene.instant(eval::middle_of(scene.timeline())); });
-    return about(arguments.input, [&] { return make_orbit(instant, count, arguments.size); });
+  const auto instant = [&] {
+    return about(arguments.input, [&] { return scene.instant(eval::middle_of(scene.timeline())); });
   };
+  const auto orbit = [&](uint32_t count) {
+    return about(arguments.input, [&] { return make_orbit(instant(), count, arguments.size); });
+  };
+  // Nobody says from where to look: what the scene states decides, or what there is to see.
+  l4d_presentation first = scene.presentation();
+  const bool is_free = arguments.cameras.empty() && arguments.camera.empty();
   if (arguments.orbit && frames > 1) {
     const uint32_t steps =
         static_cast<uint32_t>(std::min<size_t>(std::max<size_t>(frames, 4), kMaxOrbitSteps));
     set = orbit(kRings * steps);
     for (uint32_t k = 0; k < steps; ++k) path.cameras.push_back(set.cameras[k].camera);
-  } else if (shows_first_view(arguments, scene)) {
-    path.cameras = first_view_path(arguments, scene, frames);
-  } else {
+  } else if (is_free && first.has_camera == 0) {
+    io::state_first_view(instant(), &first);
+    context.note("the scene states no first view: this one is made up");
+  }
+  if (path.cameras.empty() && is_free && first.has_camera != 0) {
+    path.cameras = first_view_path(arguments, first, frames);
+  } else if (path.cameras.empty()) {
     set = arguments.cameras.empty() ? orbit(kOrbitCameras) : given;
     const io::Camera& camera = find_camera(set, arguments.camera);
     path.cameras.push_back(camera.camera);
@@ -202,7 +203,7 @@ Path camera_path(Context& context, const RenderArguments& arguments, const io::C
     for (l4d_camera& camera : path.cameras) rescale(camera, factor);
   }
   if (!arguments.swing.empty() && !set.cameras.empty()) {
-    throw usage_error("--swing needs a first view, which the scene does not state");
+    throw usage_error("--swing turns about the first view: it excludes --camera and --cameras");
   }
   note_cameras(context, set);
   return path;
@@ -400,10 +401,12 @@ void add_render(Registry& registry) {
       verb->add_option("--cameras", arguments->cameras,
                        "Cameras to look from: cameras.json, D-NeRF transforms*.json "
                        "or poses_bounds.npy (default: the first view that the scene states,\n"
-                       "else 8 made up around it)")
+                       "else one from where much of it is seen)")
           ->type_name("FILE");
   add_any_path_option(verb, arguments->any_path)->needs(cameras);
-  verb->add_option("--camera", arguments->camera, "Id of the camera (default: the first)")
+  verb->add_option("--camera", arguments->camera,
+                   "Id of the camera: of the file, or of 8 made up around the scene (default: the "
+                   "first of the file)")
       ->type_name("ID");
   verb->add_flag("--orbit", arguments->orbit, "Circle the scene once during the sequence")
       ->excludes(cameras)
