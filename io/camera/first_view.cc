@@ -115,6 +115,28 @@ class Grid {
     return sum * clear;
   }
 
+  // How much of the subject is the same on both sides of the upright plane through it that `level`
+  // lies in, from 0 to 1: statues and people have such a plane, and face along it.
+  double symmetry(const Vec3& level, const Vec3& up) const {
+    constexpr int kShifts = 4;  // to both sides, of a twentieth of the radius each
+    const Vec3 across = cross(up, level);
+    double most = 0;
+    for (int shift = -kShifts; shift <= kShifts; ++shift) {
+      double same = 0, all = 0;
+      for (size_t cell = 0; cell < weight_.size(); ++cell) {
+        if (weight_[cell] == 0) continue;
+        const Vec3 at = middle_of(cell), from = minus(at, subject_.center);
+        if (length(from) > 1.1 * subject_.radius) continue;
+        const double side = dot(from, across) - 0.05 * shift * subject_.radius;
+        const size_t other = cell_of(ahead(at, -2 * side, across));
+        if (other < weight_.size()) same += std::sqrt(weight_[cell] * weight_[other]);
+        all += weight_[cell];
+      }
+      if (all > 0) most = std::max(most, same / all);
+    }
+    return most;
+  }
+
  private:
   // Of 7 x 5 directions of the image, half of the way to the subject.
   double clear_from(const Vec3& eye, const Vec3& forward, const Vec3& up) const {
@@ -312,15 +334,17 @@ void state_first_view(const Scene& scene, l4d_presentation* presentation) {
   const double fits = subject.radius / std::sin(kFov / 2);
   Vec3 best{};
   double most = -1;
-  for (const double distance :
-       {fits, 0.7 * fits, 0.45 * fits, 0.9 * subject.radius, 0.5 * subject.radius}) {
-    for (const double elevation : {0.15, 0.45}) {
-      for (int k = 0; k < 16; ++k) {
-        const double turn = k * 0.39269908169872414;
-        const Vec3 level = ahead(ahead({0, 0, 0}, std::sin(turn), across), -std::cos(turn), along);
+  for (int k = 0; k < 16; ++k) {
+    const double turn = k * 0.39269908169872414;
+    const Vec3 level = ahead(ahead({0, 0, 0}, std::sin(turn), across), -std::cos(turn), along);
+    // A side shows up to twice as much as a face.
+    const double faces = std::pow(grid.symmetry(level, up), 4);
+    for (const double distance :
+         {fits, 0.7 * fits, 0.45 * fits, 0.9 * subject.radius, 0.5 * subject.radius}) {
+      for (const double elevation : {0.15, 0.45}) {
         const Vec3 eye = ahead(ahead(subject.center, distance * std::cos(elevation), level),
                                distance * std::sin(elevation), up);
-        const double seen = grid.seen_from(eye, up);
+        const double seen = faces * grid.seen_from(eye, up);
         if (seen <= most) continue;
         most = seen;
         best = eye;

@@ -164,6 +164,7 @@ Vec3 up_of(const std::vector<Point>& points, const Subject& subject, uint32_t co
 }  // namespace
 
 double area_of(const Scene& scene, size_t i) {
+  if (scene.log_scale.empty()) return 0;
   Vec3 size;
   for (size_t k = 0; k < 3; ++k) {
     size[k] = std::exp(static_cast<double>(scene.log_scale[4 * i + k]));

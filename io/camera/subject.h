@@ -24,7 +24,8 @@ struct Subject {
 // is visible.
 Subject subject_of(const Scene& scene);
 
-// Of the broadest side of Gaussian i, square scene units; 0 where it is absurd.
+// Of the broadest side of Gaussian i, square scene units; 0 where it is absurd or
+// the scene has no scales.
 double area_of(const Scene& scene, size_t i);
 
 // Positions where Gaussians are seen, [N, 3]. Those of Gaussians whose mean time lies far outside

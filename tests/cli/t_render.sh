@@ -7,7 +7,7 @@ expect 0 encode s.ply -o s.l4d --preset lossless
 
 # A still: middle of the sequence, first camera.
 expect_document 0 render s.ply --cameras c.json -o a.png
-expect_json out 'd["width"] == 96 and d["height"] == 64 and d["frames"] == 1 and d["camera"] is None'
+expect_json out 'd["width"] == 96 and d["height"] == 64 and d["frames"] == 1 and d["camera"] == 0'
 expect_json out 'd["time_begin"] == 1 and 0 < d["projected"] <= d["visible"] <= 3000'
 expect_json out "d['file_bytes'] == $(wc -c < a.png)"
 expect_png a.png 96 64

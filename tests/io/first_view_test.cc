@@ -144,7 +144,7 @@ TEST(FirstView, IsUprightWhereACameraWasHeldAskew) {
   EXPECT_LT(p.camera_up[1], -0.8);
 }
 
-// What a scene stands on tells what is up, whether the scene is tall or wide.
+// Up is away from what a scene stands on, whether the scene is tall or wide.
 TEST(Subject, StandsOnItsFoot) {
   const auto up_of = [](const Vec3& foot, double tall) {
     Scene scene = empty_scene();
@@ -155,7 +155,7 @@ TEST(Subject, StandsOnItsFoot) {
       }
     }
     const size_t first = scene.count();
-    add_ball(&scene, 300, {0, 0, 0}, 1, 0.1, 0.9F);
+    add_ball(&scene, 1000, {0, 0, 0}, 0.5, 0.05, 0.9F);
     for (size_t i = first; i < scene.count(); ++i) {
       for (size_t k = 0; k < 3; ++k) {
         float& x = scene.position[3 * i + k];
@@ -164,7 +164,7 @@ TEST(Subject, StandsOnItsFoot) {
     }
     return subject_of(scene).up;
   };
-  for (const double tall : {0.3, 1.0, 5.0}) {
+  for (const double tall : {0.6, 1.0, 5.0}) {
     EXPECT_EQ(up_of({0, 1, 0}, tall), (Vec3{0, -1, 0})) << tall;
     EXPECT_EQ(up_of({0, -1, 0}, tall), (Vec3{0, 1, 0})) << tall;
     EXPECT_EQ(up_of({0, 0, -1}, tall), (Vec3{0, 0, 1})) << tall;

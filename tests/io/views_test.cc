@@ -136,7 +136,8 @@ TEST(SelectViews, CamerasOfAnInstant) {
 
 // ---- orbits ----
 
-// A flat cloud: +-4 in x and `depth` in y, +-`height` in z, around (1, 2, 3).
+// A cloud: +-4 in x and `depth` in y, +-`height` in z, around (1, 2, 3). What is flat in z is a
+// ground: most of it is low.
 Scene cloud(float depth, float height) {
   Scene scene;
   scene.timeline = timeline(0, 30, 30);
@@ -145,7 +146,8 @@ Scene cloud(float depth, float height) {
   for (size_t i = 0; i < scene.count(); ++i) {
     const float half[3] = {4, depth, height};
     for (size_t k = 0; k < 3; ++k) {
-      const float u = static_cast<float>(random.uniform(-1, 1));
+      float u = static_cast<float>(random.uniform(-1, 1));
+      if (k == 2 && height < depth) u = 0.5F * (u + 1) * (u + 1) - 1;
       scene.position[3 * i + k] = static_cast<float>(k + 1) + half[k] * u;
     }
     scene.opacity[i] = 0.5F;
