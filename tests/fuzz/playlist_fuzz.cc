@@ -118,7 +118,7 @@ struct Viewer {
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (size < kControlBytes) return 0;
   const size_t rest = size - kControlBytes;
-  const size_t length = std::min<size_t>(data[2] | data[3] << 8, rest);
+  const size_t length = std::min(size_t{data[2]} | size_t{data[3]} << 8, rest);
   Viewer viewer;
   const uint8_t* const text = data + kControlBytes;
   viewer.text.assign(reinterpret_cast<const char*>(text), length);
