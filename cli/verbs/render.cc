@@ -188,7 +188,7 @@ Path camera_path(Context& context, const RenderArguments& arguments, const io::C
     for (uint32_t k = 0; k < steps; ++k) path.cameras.push_back(set.cameras[k].camera);
   } else if (is_free && first.has_camera == 0) {
     io::state_first_view(instant(), &first);
-    context.note("the scene states no first view: this one is made up");
+    set.notes.push_back("The scene states no first view: this one is made up.");
   }
   if (path.cameras.empty() && is_free && first.has_camera != 0) {
     path.cameras = first_view_path(arguments, first, frames);
@@ -201,9 +201,6 @@ Path camera_path(Context& context, const RenderArguments& arguments, const io::C
   if (!arguments.scale.empty()) {
     const double factor = parse_scale(arguments.scale);
     for (l4d_camera& camera : path.cameras) rescale(camera, factor);
-  }
-  if (!arguments.swing.empty() && !set.cameras.empty()) {
-    throw usage_error("--swing turns about the first view: it excludes --camera and --cameras");
   }
   note_cameras(context, set);
   return path;
