@@ -47,7 +47,7 @@ expect 0 render plain.l4d --time 1 --camera 0 -o made.png
 expect 0 render none.l4d --time 1 -o none.png
 cmp -s mine.png plain.png && die "the first view is not obeyed"
 cmp -s plain.png made.png && die "--camera is not obeyed"
-expect_text err 'the scene states no first view: this one is made up'
+expect_text err 'The scene states no first view: this one is made up'
 expect_png mine.png 640 360
 expect_document 0 render mine.l4d --time 1 --size 100x80 -o sized.png
 expect_json out 'd["camera"] is None and d["width"] == 100'
@@ -65,7 +65,7 @@ done
 expect 2 render mine.l4d --time 1 --swing 20 -o x.png
 expect 2 render mine.l4d --swing 91 -o x%d.png
 expect 2 render none.l4d --camera 0 --swing 20 -o x%d.png
-expect_text err 'first view'
+expect_text err 'excludes'
 
 # An orbit is around what is stated: the same one, whatever stands outside.
 expect 0 encode s.ply -o bounds.l4d -q --presentation bounds=-1:-1:-1:1:1:1

@@ -73,7 +73,7 @@ expect_document 0 render s.ply --cameras c.json --scale 0.5 -o half.png
 expect_json out 'd["width"] == 48 and d["height"] == 32'
 expect_png half.png 48 32
 expect_document 0 render s.ply --size 101x67 -o orbit.png
-expect_json out 'd["width"] == 101 and any("orbit" in n for n in d["notes"])'
+expect_json out 'd["width"] == 101 and any("no first view" in n for n in d["notes"])'
 expect_png orbit.png 101 67
 expect 0 render s.ply --size 101x67 --camera 3 -o orbit.png --force
 
