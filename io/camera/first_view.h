@@ -18,8 +18,8 @@ namespace l4d::io {
 void state_first_view(const std::vector<l4d_camera>& cameras, double alone,
                       l4d_presentation* presentation);
 
-// The same of the cameras that train, or of all where none says so; of those that look ahead the one
-// that sees most of the dense parts of the scene (below).
+// The same of the cameras that train, or of all where none says so; of those that look ahead the
+// one that sees most of the dense parts of the scene (below).
 void state_first_view(const CameraSet& set, const Scene& scene, l4d_presentation* presentation);
 
 // Without cameras: of a few dozen places around and within the subject of the scene

@@ -20,8 +20,8 @@ struct Subject {
 // the dense parts: of floaters, and of scenery that is thinly covered, there is little there.
 // Gaussians count where they are at the reference time. Up is +y or -y where the scene states its
 // coordinates; else the end of the y or z axis away from the foot: what stands is broad there.
-// Where neither axis has one it is -y, as structure from motion has it. Throws Error(L4D_ERR_INVALID_SCENE) if none
-// is visible.
+// Where neither axis has one it is -y, as structure from motion has it. Throws
+// Error(L4D_ERR_INVALID_SCENE) if none is visible.
 Subject subject_of(const Scene& scene);
 
 // Of the broadest side of Gaussian i, square scene units; 0 where it is absurd or
