@@ -179,6 +179,8 @@ test('a recording is followed while it grows, and to its end', async () => {
   live.publish(4);
   try {
     await withPlayer(async page => {
+      // Else it plays at once, and waits at the end before anyone listens.
+      await page.emulateMedia({reducedMotion: 'reduce'});
       await inPlayer(page, player => void player.load('/live.m3u8'));
       await page.waitForFunction(() => document.querySelector('l4d-player').movie?.live);
       await opened(page);
@@ -357,6 +359,8 @@ test('links have time and camera', () => withPlayer(async (page, server) => {
   const state = await inPlayer(page, player => player.view.orbit.state());
   assert.match(link, /#t=2\.250&cam=/);
   await page.goto('about:blank');
+  // Else it plays at once, and begins anew before a busy machine looks.
+  await page.emulateMedia({reducedMotion: 'reduce'});
   await page.goto(link);
   await opened(page);
   const again = await inPlayer(page, player => player.view.orbit.state());
