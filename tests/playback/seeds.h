@@ -7,7 +7,7 @@
 namespace l4d::playback::test {
 
 struct Seeds {
-  uint64_t first = 1, last = 2000;
+  uint64_t first = 1, last = 500;
   bool goes_on = false;  // after a failure
 };
 
