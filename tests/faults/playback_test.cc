@@ -144,8 +144,7 @@ TEST_P(PlaybackAllocations, EachFailureOfAPlaylistLeavesTheEngineGood) { fail_ea
 
 INSTANTIATE_TEST_SUITE_P(Files, PlaybackAllocations,
                          testing::Values(NamedFile{"tiny", tiny_file},
-                                         NamedFile{"dynamic", dynamic_file},
-                                         NamedFile{"transform", transform_file}),
+                                         NamedFile{"dynamic", dynamic_file}),
                          file_name);
 
 }  // namespace
