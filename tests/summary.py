@@ -46,7 +46,7 @@ def output_of(test):
 
 
 def skip_reason(output):
-    found = re.search(r"^skipped: *(.*)", output, re.M | re.I)
+    found = re.search(r"^ *skipped: *(.*)", output, re.M | re.I)
     return found[1] if found else ""
 
 
@@ -193,7 +193,7 @@ CTEST = """<?xml version="1.0" encoding="UTF-8"?>
 <testsuite name="Linux-c++" tests="5" failures="1" disabled="0" skipped="1">
 <testcase name="a" classname="a" time="0.5" status="run"/>
 <testcase name="b" classname="b" time="0.1" status="notrun">
-<skipped message="SKIP_RETURN_CODE=77"/><system-out>skipped: no wine</system-out></testcase>
+<skipped message="SKIP_RETURN_CODE=77"/><system-out>  SKIPPED: no wine</system-out></testcase>
 <testcase name="c" classname="c" time="0.1" status="notrun">
 <skipped message="SKIP_REGULAR_EXPRESSION_MATCHED"/></testcase>
 {more}</testsuite>
