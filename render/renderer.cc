@@ -262,6 +262,39 @@ void Renderer::add_gradients(Path<T>& path, const View<double>& view, l4d_gradie
   });
 }
 
+template <typename T>
+void Renderer::add_light_gradients(Path<T>& path, const View<double>& view, l4d_gradients* out) {
+  const Instant<double> at = instant<double>();
+  const uint32_t degree = path.frame.sh_degree;
+  const size_t sh_dim = size_t{3} * sh_terms(degree);
+  parallel_for(threads_, path.frame.count(), kProjectionGrain, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      if (!(path.gradients.coverage[i] > 0)) continue;
+      const SplatGradient2D<T>& by_splat = path.gradients.splat[i];
+      const size_t id = path.frame.id[i];
+      const Gaussian4D<double> gaussian = attributes<double>(id);
+      // The base colour is the same from everywhere.
+      const bool needs_slice = view.rules.compensates || (out->sh != nullptr && degree > 0);
+      const Slice3D<double> slice = needs_slice ? slice_at(gaussian, at) : Slice3D<double>{};
+      if (out->opacity != nullptr) {
+        double by_opacity = static_cast<double>(by_splat.opacity);
+        if (view.rules.compensates) {
+          Projection<double> projection;
+          if (!project_geometry(view, slice.position, slice.covariance, &projection)) continue;
+          by_opacity *= compensation(view, projection);
+        }
+        out->opacity[id] += static_cast<float>(opacity_gradient(gaussian, at, by_opacity));
+      }
+      if (out->sh != nullptr) {
+        double color[3], unused[3] = {}, sh[3 * kMaxShTerms];
+        for (size_t c = 0; c < 3; ++c) color[c] = static_cast<double>(by_splat.color[c]);
+        shade_gradient(view, degree, slice.position, path.frame.sh[i], color, true, unused, sh);
+        for (size_t k = 0; k < sh_dim; ++k) out->sh[sh_dim * id + k] += static_cast<float>(sh[k]);
+      }
+    }
+  });
+}
+
 Status Renderer::backward(const l4d_camera& camera, const float* rgb_gradient,
                           l4d_gradients* gradients) {
   L4D_RETURN_IF_ERROR(ready(camera));
@@ -286,7 +319,13 @@ Status Renderer::backward(const l4d_camera& camera, const float* rgb_gradient,
     const View<T> view = make_view<T>(camera, rendering());
     L4D_RETURN_IF_ERROR(
         path.rasterizer->backward(path.frame, view, background_, input, &path.gradients, &stats_));
-    add_gradients(path, make_view<double>(camera, rendering()), gradients);
+    const View<double> exact = make_view<double>(camera, rendering());
+    if (gradients->position == nullptr && gradients->mean_t == nullptr &&
+        gradients->log_scale == nullptr && gradients->rotor == nullptr) {
+      add_light_gradients(path, exact, gradients);
+    } else {
+      add_gradients(path, exact, gradients);
+    }
     return {};
   });
 }

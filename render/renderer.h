@@ -106,6 +106,9 @@ class Renderer {
   Gaussian4D<T> attributes(size_t id) const;
   template <typename T>
   void add_gradients(Path<T>& path, const View<double>& view, l4d_gradients* out);
+  // The same where nothing but opacities and colours is wanted, which takes no geometry.
+  template <typename T>
+  void add_light_gradients(Path<T>& path, const View<double>& view, l4d_gradients* out);
   template <typename T>
   void collect(Path<T>& path, const View<double>& view, const ImportanceInput& input,
                std::vector<Importance>* out);

@@ -160,6 +160,23 @@ L4D_HOST_DEVICE void projected_rows(const T* rotation /* [4, 4] */, const T* sca
   }
 }
 
+// By the opacity as it is stored, from that by the opacity of the slice; lambda as slices have it.
+template <typename T>
+L4D_HOST_DEVICE inline T opacity_gradient(const Gaussian4D<T>& g, const Instant<T>& instant,
+                                          T lambda, T by_slice) {
+  T out = by_slice * (g.flat ? 1 : falloff(lambda, instant.time - g.mean_t));
+  // 1 - opacity of a large logit would be nothing but rounding.
+  if (instant.logit) out *= linear_opacity(g, instant) / (1 + std::exp(g.opacity));
+  return out;
+}
+
+template <typename T>
+L4D_HOST_DEVICE inline T opacity_gradient(const Gaussian4D<T>& g, const Instant<T>& instant,
+                                          T by_slice) {
+  const T lambda = g.flat ? 0 : slice_attributes<T>(g.rotor, g.log_scale).lambda;
+  return opacity_gradient(g, instant, lambda, by_slice);
+}
+
 // Derivatives by the attributes, from those by the slice at the same instant. A Gaussian that is
 // not visible has none; this does not ask.
 template <typename T>
@@ -179,9 +196,7 @@ L4D_HOST_DEVICE Gradient4D<T> slice_gradient(const Gaussian4D<T>& g, const Insta
   const T dt = instant.time - g.mean_t;
   const T linear = linear_opacity(g, instant);
   const T left = g.flat ? 1 : falloff(lambda, dt);
-  out.opacity = gradient.opacity * left;
-  // 1 - opacity of a large logit would be nothing but rounding.
-  if (instant.logit) out.opacity *= linear / (1 + std::exp(g.opacity));
+  out.opacity = opacity_gradient(g, instant, lambda, gradient.opacity);
   const T shown = g.flat ? 0 : gradient.opacity * linear * left;
   out.mean_t = shown * lambda * dt;
   const T by_lambda = clamped ? 0 : -shown * (dt * dt) / 2;

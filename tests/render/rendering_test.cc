@@ -11,6 +11,7 @@
 
 #include "io/scene/scene.h"
 #include "l4d/render.hpp"
+#include "libl4dcodec/scene/slice.h"
 #include "tests/render/scenes.h"
 
 namespace l4d::render {
@@ -215,6 +216,49 @@ TEST(RenderingOfScenes, PathsAgreeAndStreamsAreObeyed) {
     EXPECT_NE(picture(player, camera), shown);
     player.set_rendering(nullptr);
     EXPECT_EQ(picture(player, camera), shown);
+  }
+}
+
+// Derivatives by opacities and colours alone take another way.
+TEST(GradientsOfLight, AreThoseOfAWholeBackwardPass) {
+  l4d_rendering compensated = usual();
+  compensated.compensation = 1;
+  const l4d_camera camera = ring_camera(60, 45, 1);
+  const std::vector<float> by_pixel(size_t{3} * 60 * 45, 0.5f);
+  for (const uint32_t backend : {L4D_BACKEND_CPU, L4D_BACKEND_REFERENCE}) {
+    for (const bool logit : {false, true}) {
+      io::Scene scene = synth(800, 2);
+      for (float& o : scene.opacity) {
+        const double linear =
+            l4d::linear_opacity(static_cast<double>(o), (scene.flags & L4D_OPACITY_LOGIT) != 0);
+        o = static_cast<float>(logit ? io::logit(linear) : linear);
+      }
+      scene.flags = logit ? scene.flags | L4D_OPACITY_LOGIT
+                          : scene.flags & ~static_cast<uint32_t>(L4D_OPACITY_LOGIT);
+      l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
+      options.backend = backend;
+      RendererHandle renderer(&options);
+      renderer.set_gaussians(scene.view(), scene.timeline);
+      for (const l4d_rendering& rule : {usual(), compensated}) {
+        renderer.set_rendering(&rule);
+        renderer.set_time(1);
+        std::vector<float> opacity[2], sh[2], position(3 * scene.count());
+        for (const size_t whole : {size_t{0}, size_t{1}}) {
+          opacity[whole].resize(scene.count());
+          sh[whole].resize(scene.sh.size());
+          l4d_gradients gradients = L4D_INIT(l4d_gradients);
+          gradients.count = scene.count();
+          gradients.opacity = opacity[whole].data();
+          gradients.sh = sh[whole].data();
+          if (whole == 1) gradients.position = position.data();
+          renderer.check(
+              l4d_renderer_backward(renderer.get(), &camera, by_pixel.data(), &gradients));
+        }
+        EXPECT_EQ(opacity[0], opacity[1]);
+        EXPECT_EQ(sh[0], sh[1]);
+        EXPECT_TRUE(std::any_of(sh[0].begin(), sh[0].end(), [](float v) { return v != 0; }));
+      }
+    }
   }
 }
 
