@@ -158,6 +158,11 @@ l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussians* gaus
   });
 }
 
+l4d_status l4d_encoder_set_fitted_opacity(l4d_encoder* encoder, const float* opacity) {
+  return with_encoder(encoder, required(),
+                      [&](l4d::Encoder& e) { return e.set_fitted_opacity(opacity); });
+}
+
 l4d_status l4d_encoder_set_importance(l4d_encoder* encoder, const l4d_importance* importance) {
   return with_encoder(encoder, optional(importance),
                       [&](l4d::Encoder& e) { return e.set_importance(read_optional(importance)); });

@@ -194,17 +194,17 @@ class Encoder::Run {
   }
 
   Status choose_header() {
-    GaussianErrors worst;
+    GaussianErrors worst, stated;
     header_ = l4d::choose_header(
         {input_, scene_, metadata_, positions_, options_.bounds, colors_, lossless_, threads_},
-        coded_, &worst);
-    report_.totals.max_position_error = worst.position;
-    report_.totals.max_covariance_factor = worst.covariance;
-    report_.totals.max_opacity_error = worst.opacity;
-    report_.totals.max_visible_error = worst.visible;
-    report_.totals.max_mean_t_error = worst.mean_time;
-    report_.totals.max_base_color_error = worst.base_color;
-    report_.totals.max_directional_color_error = worst.directional_color;
+        coded_, &worst, &stated);
+    report_.totals.max_position_error = stated.position;
+    report_.totals.max_covariance_factor = stated.covariance;
+    report_.totals.max_opacity_error = stated.opacity;
+    report_.totals.max_visible_error = stated.visible;
+    report_.totals.max_mean_t_error = stated.mean_time;
+    report_.totals.max_base_color_error = stated.base_color;
+    report_.totals.max_directional_color_error = stated.directional_color;
     // Binary16 positions keep no bound, and their streams state none that they miss.
     const bool promised = !lossless_ && header_.position != CoordinateCodingId::kF16;
     return promised ? check_bounds(worst, options_.bounds) : Status();
@@ -218,8 +218,9 @@ class Encoder::Run {
     L4D_RETURN_IF_ERROR(
         build_file(scene_, settings_, std::move(header_), coded_, threads_, &parts));
     steps_.begin("check");
-    const ExpectedStream expected = {scene_, coded_, positions, opacity, errors, parts.order};
-    L4D_RETURN_IF_ERROR(check_written(parts.chunks, lossless_ ? nullptr : &expected, threads_));
+    const ExpectedStream expected = {scene_, coded_,      positions, opacity,
+                                     errors, parts.order, lossless_};
+    L4D_RETURN_IF_ERROR(check_written(parts.chunks, &expected, threads_));
     steps_.begin("write");
     for (const Bytes& chunk : parts.chunks) {
       steps_.report(kTotalWork - kWriteWork);
@@ -282,6 +283,14 @@ Status Encoder::set_scene(const l4d_gaussians& gaussians, const l4d_timeline& ti
   return {};
 }
 
+Status Encoder::set_fitted_opacity(const float* opacity) {
+  if (input_.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "set the scene first");
+  const float* given = input_.opacity_given();
+  input_.gaussians.opacity = opacity == nullptr ? given : opacity;
+  input_.stated_opacity = opacity == nullptr ? nullptr : given;
+  return {};
+}
+
 Status Encoder::set_importance(const l4d_importance& importance) {
   if (input_.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "set the scene first");
   EncoderInput input = input_;
@@ -317,6 +326,9 @@ Status Encoder::encode(const WriteFn& write) {
 Status Encoder::encode_input(const EncoderInput& input, const EncoderSettings& settings,
                              const WriteFn& write, EncodeReport* report) const {
   L4D_RETURN_IF_ERROR(settings.check_profile());
+  if (settings.get_bool(Parameter::kLossless) && input.stated_opacity != nullptr) {
+    return invalid_argument("a lossless stream has the opacities of the scene, not fitted ones");
+  }
   Run run(*this, input, settings);
   try {
     L4D_RETURN_IF_ERROR(run.prepare());

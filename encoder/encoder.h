@@ -29,6 +29,8 @@ class Encoder {
   const EncoderSettings& settings() const { return settings_; }
   Status set_scene(const l4d_gaussians& gaussians, const l4d_timeline& timeline,
                    const l4d_placement& placement);
+  // null: the scene's.
+  Status set_fitted_opacity(const float* opacity);
   // All fields 0: none.
   Status set_importance(const l4d_importance& importance);
   Status set_rendering(const l4d_rendering& rendering);

@@ -42,7 +42,7 @@ LayerHeader layer_header(const CodedLayer& layer) {
 }  // namespace
 
 SceneHeader choose_header(const HeaderSource& source, const CodedScene& coded,
-                          GaussianErrors* worst) {
+                          GaussianErrors* worst, GaussianErrors* stated) {
   const EncoderInput& input = source.input;
   SceneHeader header;
   header.num_gaussians = source.scene.count;
@@ -70,10 +70,20 @@ SceneHeader choose_header(const HeaderSource& source, const CodedScene& coded,
   }
   worst->base_color = source.colors.base;
   worst->directional_color = source.colors.directional;
+  *stated = *worst;
+  if (source.scene.stated_opacity != nullptr) {
+    // Fitted opacities move nothing else, but decide when a Gaussian counts as visible.
+    const GaussianErrors of_scene =
+        observed_errors(source.scene, header, header.opacity, coded.layers, source.bounds,
+                        source.threads, ErrorsAgainst::kScene);
+    stated->position = of_scene.position;
+    stated->opacity = of_scene.opacity;
+    stated->visible = of_scene.visible;
+  }
   ErrorBounds kept = source.bounds;
   // Nothing bounds how binary16 rounds a Gaussian far from the centre.
   if (header.position == CoordinateCodingId::kF16) kept.position = kept.visible = 0;
-  header.errors = statement_of(*worst, kept);
+  header.errors = statement_of(*stated, kept);
   header.errors.own_min_sizes = !source.lossless && input.importance.min_sizes != nullptr;
   return header;
 }

@@ -27,8 +27,9 @@ struct HeaderSource {
 
 // The whole header but for what only the file's chunks tell (file_builder.h). Chooses how positions
 // and opacities are coded, with which the errors are known that it states.
-// worst: the largest errors of all Gaussians.
+// worst: the largest errors of all Gaussians against what was to be coded. stated: against the
+// scene, where its opacities were fitted.
 SceneHeader choose_header(const HeaderSource& source, const CodedScene& coded,
-                          GaussianErrors* worst);
+                          GaussianErrors* worst, GaussianErrors* stated);
 
 }  // namespace l4d

@@ -12,7 +12,8 @@
 
 namespace l4d {
 
-// What the encoder takes its stream to decode to; its errors are measured on that.
+// What the encoder takes its stream to decode to; its errors are measured on that. Of a lossless
+// stream it is the scene as it was given, bit for bit, and what is between is not used.
 struct ExpectedStream {
   const EncoderScene& scene;
   const CodedScene& coded;
@@ -20,6 +21,7 @@ struct ExpectedStream {
   const ScalarCoding& opacity;
   const ErrorStatement& errors;
   const std::vector<uint32_t>& order;  // input index of each Gaussian in decoded order
+  bool lossless = false;
 };
 
 // Holds the stream that `chunks` make up against every rule that a validator checks. Geometry,

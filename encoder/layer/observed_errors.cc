@@ -71,7 +71,7 @@ DecodedGaussian decoded_gaussian(const EncoderScene& scene, const PositionCoding
 
 GaussianErrors observed_errors(const EncoderScene& scene, const PositionCoding& positions,
                                const ScalarCoding& opacity, const std::vector<CodedLayer>& layers,
-                               ErrorBounds bounds, int threads) {
+                               ErrorBounds bounds, int threads, ErrorsAgainst against) {
   bounds.position_slack = bounds.opacity_slack = 0;
   GaussianErrors worst;
   std::mutex mutex;
@@ -82,7 +82,7 @@ GaussianErrors observed_errors(const EncoderScene& scene, const PositionCoding& 
         const size_t i = layer.gaussians[j];
         const Sequence shown = scene.shown(i);
         take_worse(
-            errors_of(scene.seen(i),
+            errors_of(against == ErrorsAgainst::kScene ? scene.stated(i) : scene.seen(i),
                       seen_of(scene, layer, decoded_gaussian(scene, positions, opacity, layer, j)),
                       shown.begin, shown.end, bounds, own.opacity),
             &own);

@@ -20,11 +20,15 @@ struct DecodedGaussian {
 DecodedGaussian decoded_gaussian(const EncoderScene& scene, const PositionCoding& positions,
                                  const ScalarCoding& opacity, const CodedLayer& layer, size_t j);
 
+// What was to be coded, or the scene that it was fitted to.
+enum class ErrorsAgainst { kCoded, kScene };
+
 // The largest errors of all Gaussians of the layers, with positions and opacities coded so.
 // bounds: what sizes count; its slacks do not.
 GaussianErrors observed_errors(const EncoderScene& scene, const PositionCoding& positions,
                                const ScalarCoding& opacity, const std::vector<CodedLayer>& layers,
-                               ErrorBounds bounds, int threads);
+                               ErrorBounds bounds, int threads,
+                               ErrorsAgainst against = ErrorsAgainst::kCoded);
 
 // Fails with INVALID_SCENE, the parameter and the way out if an error is above its bound.
 Status check_bounds(const GaussianErrors& worst, const ErrorBounds& bounds);

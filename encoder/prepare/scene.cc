@@ -210,6 +210,15 @@ SeenGaussian EncoderScene::seen(size_t i) const {
   return g;
 }
 
+SeenGaussian EncoderScene::stated(size_t i) const {
+  SeenGaussian g = seen(i);
+  if (stated_opacity != nullptr) {
+    g.opacity = linear_opacity(static_cast<double>(stated_opacity[source[i]]),
+                               (given.flags & L4D_OPACITY_LOGIT) != 0);
+  }
+  return g;
+}
+
 std::vector<double> EncoderScene::sorted_axis(size_t k) const {
   std::vector<double> axis(count);
   for (size_t i = 0; i < count; ++i) axis[i] = position[3 * i + k];
@@ -439,6 +448,7 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
   s = EncoderScene();
   s.given = input.gaussians;
   s.min_sizes = input.importance.min_sizes;
+  s.stated_opacity = input.stated_opacity;
   s.sh_degree = input.gaussians.sh_degree;
   s.timeline = input.timeline;
   s.duration = sequence_duration(input.timeline);

@@ -15,7 +15,9 @@
 namespace l4d {
 
 struct EncoderInput {
-  l4d_gaussians gaussians{};
+  l4d_gaussians gaussians{};  // with the opacities that are coded
+  // [count] The scene's, where others are coded; else null. Borrowed.
+  const float* stated_opacity = nullptr;
   l4d_timeline timeline{};
   l4d_placement placement{};
   l4d_importance importance = L4D_INIT(l4d_importance);  // borrowed
@@ -31,6 +33,10 @@ struct EncoderInput {
   const float* exposure = nullptr;
   // [count] Of the image, where no weights are given: estimated over all of the scene.
   const double* share = nullptr;
+
+  const float* opacity_given() const {
+    return stated_opacity != nullptr ? stated_opacity : gaussians.opacity;
+  }
 };
 
 struct EncoderScene {
@@ -39,6 +45,7 @@ struct EncoderScene {
   bool has_double_times = false;     // lossless only: the input's times are mean_t as it is here
   l4d_gaussians given{};             // borrowed
   const float* min_sizes = nullptr;  // of what is given, or null
+  const float* stated_opacity = nullptr;  // as EncoderInput has it
   uint32_t sh_degree = 0;
   l4d_timeline timeline{};
   double duration = 0;
@@ -69,6 +76,8 @@ struct EncoderScene {
 
   // Gaussian i as it is seen, from the numbers given: nothing of what the encoder does to them.
   SeenGaussian seen(size_t i) const;
+  // With the opacity that errors are stated against.
+  SeenGaussian stated(size_t i) const;
   bool is_flat(size_t i) const { return !window.empty() && window[i].is_flat(); }
   // The part of the sequence outside which Gaussian i is not shown, for those that do not fade.
   Sequence shown(size_t i) const;

@@ -96,6 +96,7 @@ TEST(Arguments, NullEncoder) {
   EXPECT_EQ(l4d_encoder_set_list(nullptr, L4D_ENC_STAGES, &value, 1), kInvalid);
   EXPECT_EQ(l4d_encoder_set_scene(nullptr, &g, &t, nullptr), kInvalid);
   EXPECT_EQ(l4d_encoder_set_importance(nullptr, nullptr), kInvalid);
+  EXPECT_EQ(l4d_encoder_set_fitted_opacity(nullptr, nullptr), kInvalid);
   EXPECT_EQ(l4d_encoder_add_metadata(nullptr, "a", "b"), kInvalid);
   EXPECT_EQ(l4d_encoder_encode(nullptr, &w), kInvalid);
   EXPECT_EQ(l4d_encoder_encode_file(nullptr, "x"), kInvalid);

@@ -7,6 +7,7 @@
 #include <limits>
 #include <string>
 
+#include "l4d/experimental/inspect.h"
 #include "tests/common/codec.h"
 
 namespace l4d {
@@ -101,6 +102,42 @@ TEST(Weights, ArePartOfTheScene) {
   e.check(l4d_encoder_set_importance(e.get(), &importance));
   set_scene();
   EXPECT_EQ(pruned(), 0u);
+}
+
+// What is coded was fitted; what is stated is about the scene.
+TEST(FittedOpacity, LeavesErrorsStatedAgainstTheScene) {
+  TestScene scene = scene_of(40);
+  scene.flags &= ~static_cast<uint32_t>(L4D_OPACITY_LOGIT);
+  for (float& opacity : scene.opacity) opacity = 0.8f;
+  const l4d_gaussians g = scene.view();
+  const std::vector<float> fitted(40, 0.3f);
+  const EncoderHandle e;
+  EXPECT_EQ(l4d_encoder_set_fitted_opacity(e.get(), fitted.data()), L4D_ERR_INVALID_STATE);
+  e.check(l4d_encoder_set_scene(e.get(), &g, &scene.timeline, nullptr));
+  const auto stated = [&] {
+    const std::vector<unsigned char> stream = e.encode();
+    l4d_encode_report report = L4D_INIT(l4d_encode_report);
+    e.check(l4d_encoder_get_report(e.get(), &report));
+    DecoderHandle decoder;
+    decoder.open_memory(stream.data(), stream.size());
+    l4d_coding_errors errors = L4D_INIT(l4d_coding_errors);
+    decoder.check(l4d_decoder_get_coding_errors(decoder.get(), &errors));
+    EXPECT_NEAR(errors.opacity, report.max_opacity_error, 1e-6);
+    // A bound that the scene does not keep is not stated.
+    EXPECT_EQ(errors.opacity_bound > 0, errors.opacity < 0.1f);
+    return report.max_opacity_error;
+  };
+  EXPECT_LT(stated(), 0.1);
+  e.check(l4d_encoder_set_fitted_opacity(e.get(), fitted.data()));
+  EXPECT_NEAR(stated(), 0.5, 0.05);
+  e.check(l4d_encoder_set(e.get(), L4D_ENC_LOSSLESS, 1));
+  EXPECT_THROW(e.encode(), Error);
+  e.check(l4d_encoder_set(e.get(), L4D_ENC_LOSSLESS, 0));
+  e.check(l4d_encoder_set_fitted_opacity(e.get(), nullptr));
+  EXPECT_LT(stated(), 0.1);
+  e.check(l4d_encoder_set_fitted_opacity(e.get(), fitted.data()));
+  e.check(l4d_encoder_set_scene(e.get(), &g, &scene.timeline, nullptr));
+  EXPECT_LT(stated(), 0.1);
 }
 
 TEST(Weights, PruneByAlpha) {

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "encoder/component/codebook_coder.h"
 #include "encoder/file/choose_header.h"
 #include "encoder/file/file_builder.h"
@@ -79,9 +81,10 @@ struct Written {
     coded.layers.push_back(code_escapes(scene, 0, false, all));
     CodedLayer& layer = coded.layers[0];
     layer.component[L4D_COMPONENT_SH] = codes_of(coded.sh, layer.gaussians, 1);
-    GaussianErrors worst;
+    GaussianErrors worst, stated;
     const ColorErrors colors = largest_color_errors(scene, coded.sh, 1);
-    header = choose_header({in, scene, {}, plan, options.bounds, colors, false, 1}, coded, &worst);
+    header = choose_header({in, scene, {}, plan, options.bounds, colors, false, 1}, coded, &worst,
+                           &stated);
   }
 
   // What the check says if the encoder takes the layer for another one than it writes.
@@ -136,6 +139,41 @@ TEST(WrittenCheck, RefusesOtherNumbersThanErrorsAreStatedOf) {
     const Status status = written.check(change, nothing);
     EXPECT_EQ(status.code(), L4D_ERR_INTERNAL);
     EXPECT_NE(status.message().find("decodes to other numbers"), std::string::npos);
+  }
+}
+
+TEST(WrittenCheck, RefusesLosslessStreamsOfOtherNumbersThanTheScenes) {
+  SceneOptions s;
+  s.count = 200;
+  TestScene input = make_scene(s);
+  const l4d_gaussians gaussians = input.view();
+  const EncoderHandle e;
+  e.check(l4d_encoder_set_preset(e.get(), "lossless"));
+  e.check(l4d_encoder_set_scene(e.get(), &gaussians, &input.timeline, nullptr));
+  const Bytes stream = e.encode();
+  std::vector<uint32_t> order(s.count);
+  e.check(l4d_encoder_get_order(e.get(), order.data(), order.size()));
+  EncoderSettings settings;
+  ASSERT_TRUE(settings.set_preset("lossless").ok());
+  EncoderInput in;
+  in.gaussians = gaussians;
+  in.timeline = input.timeline;
+  in.placement.scale = 1;
+  EncoderScene scene;
+  ASSERT_TRUE(prepare_scene(in, settings, 1, &scene).ok());
+  const CodedScene none;
+  const SceneHeader header;
+  const ExpectedStream expected = {scene, none, header, header.opacity, header.errors, order, true};
+  EXPECT_TRUE(check_written({stream}, &expected, 2).ok());
+  for (std::vector<float>* values : {&input.position, &input.mean_t, &input.log_scale, &input.rotor,
+                                     &input.opacity, &input.sh}) {
+    float& value = values->at(values->size() / 2);
+    const float before = value;
+    value = std::nextafter(value, 9.0f);
+    const Status status = check_written({stream}, &expected, 2);
+    EXPECT_EQ(status.code(), L4D_ERR_INTERNAL);
+    EXPECT_NE(status.message().find("decodes to other numbers"), std::string::npos);
+    value = before;
   }
 }
 
