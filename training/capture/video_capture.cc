@@ -7,6 +7,7 @@
 #include <set>
 
 #include "io/image/video.h"
+#include "io/scene/statements.h"
 #include "training/capture/tolerance.h"
 
 namespace l4d::train {
@@ -110,6 +111,39 @@ uint32_t call_on(const std::string& path, const io::Camera& camera, const io::Ca
   return std::min(facts.frames, most);
 }
 
+// The views of all frames but those that a camera took before the sequence begins, or after its
+// end.
+void add_views(const std::string& path, Capture* capture) {
+  std::vector<uint32_t> outside(capture->cameras.size());
+  const double half_a_frame = 0.5 / capture->fps;
+  for (uint32_t frame = 0; frame < capture->frames; ++frame) {
+    for (uint32_t c = 0; c < capture->cameras.size(); ++c) {
+      const io::Camera& source = capture->cameras[c].source;
+      CaptureView view{c, frame, static_cast<double>(frame) / capture->fps + source.time_offset,
+                       ""};
+      if (view.time < -half_a_frame || view.time > capture->duration() + half_a_frame) {
+        ++outside[c];
+        continue;
+      }
+      view.time = std::clamp(view.time, 0.0, capture->duration());
+      if (!source.images.empty()) view.file = io::numbered_image(source.images, frame);
+      capture->views.push_back(std::move(view));
+    }
+  }
+  for (size_t c = 0; c < outside.size(); ++c) {
+    if (outside[c] == 0) continue;
+    const io::Camera& source = capture->cameras[c].source;
+    const std::string offset =
+        "by its time_offset of " + io::text_of_number(source.time_offset) + " s ";
+    if (outside[c] == capture->frames) {
+      fail(L4D_ERR_CORRUPT, path, source, offset + "no frame of it lies in the sequence");
+    }
+    capture->notes.push_back("Of " + capture->cameras[c].name + ", " + std::to_string(outside[c]) +
+                             " frames are left out: " + offset +
+                             "they were not taken in the sequence.");
+  }
+}
+
 }  // namespace
 
 Capture make_video_capture(const std::string& path, const io::CameraSet& set,
@@ -167,15 +201,7 @@ Capture make_video_capture(const std::string& path, const io::CameraSet& set,
       options.holder,
       uint64_t{2} * capture.frames * capture.cameras.size() * (sizeof(CaptureView) + kPathBytes),
       path + ": the list of its images");
-  for (uint32_t frame = 0; frame < capture.frames; ++frame) {
-    for (uint32_t c = 0; c < capture.cameras.size(); ++c) {
-      const io::Camera& source = capture.cameras[c].source;
-      CaptureView view{c, frame, static_cast<double>(frame) / capture.fps + source.time_offset, ""};
-      view.time = std::clamp(view.time, 0.0, capture.duration());
-      if (!source.images.empty()) view.file = io::numbered_image(source.images, frame);
-      capture.views.push_back(std::move(view));
-    }
-  }
+  add_views(path, &capture);
   return capture;
 }
 

@@ -122,6 +122,22 @@ TEST(Captures, UnknownKeysAreNamed) {
   EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("\"frame_rate\" of the file")));
 }
 
+// A frame that was taken outside the sequence shows nothing of it.
+TEST(Captures, FramesOfAnotherTimeAreLeftOut) {
+  json document = tiny_document();
+  document["cameras"][3]["time_offset"] = 0.57;
+  const Capture capture = read_capture(write_document(document), {});
+  EXPECT_EQ(capture.views.size(), 315U);
+  for (const CaptureView& view : capture.views) {
+    const double offset = view.camera == 3 ? 0.57 : 0;
+    EXPECT_NEAR(view.time, std::min(0.1 * view.frame + offset, 2.0), 1e-9);
+  }
+  EXPECT_THAT(capture.notes,
+              testing::Contains(HasSubstr("5 frames are left out: by its time_offset of 0.57 s")));
+  document["cameras"][3]["time_offset"] = 1e6;
+  expect_error(write_document(document), {}, L4D_ERR_CORRUPT, {"camera 3", "1e+06 s", "no frame"});
+}
+
 TEST(Captures, MissingFrames) {
   json document = tiny_document();
   document["frames"] = 25;
