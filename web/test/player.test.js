@@ -159,7 +159,7 @@ test('a stream with colours of a higher degree leaves the picture as it is', () 
       resolve(view.pixels());
     }));
     await view.show(movie);
-    view.orbit.frame({middle: [0, 0, 0], extent: [6, 6, 6], radius: 4}, 0);
+    view.orbit.frame({middle: [0, 0, 0], radius: 4}, 0);
     await movie.seek(0.5);
     const first = await early;
     await until(() => movie.ready.detail === 'full' && movie.secondsAhead >= 3, 'all of 3 s');

@@ -27,7 +27,7 @@ const playAndCompare = async ({stream, from = 0, jump, seconds, sortMs, rowMs = 
   canvas.addEventListener('webglcontextlost', () => { ++lost; });
   movie.on('removed', () => { ++removed; });
   await view.show(movie);
-  view.orbit.frame({middle: [0, 0, 0], extent: [6, 6, 6], radius: 4}, 0);
+  view.orbit.frame({middle: [0, 0, 0], radius: 4}, 0);
   await movie.seek(from);
   await view.settled();
   movie.loop = true;

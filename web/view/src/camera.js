@@ -68,15 +68,15 @@ export class OrbitCamera {
   }
 
   /**
-   * Looks at a scene from where the ball that holds most of it fits.
-   * @param {{middle: number[], extent: number[], radius: number}} bounds
+   * Looks at a scene from where the ball that holds most of it fits. Where the stream does not state
+   * which way is up, y is down: tools that reconstruct scenes have it so.
+   * @param {{middle: number[], radius: number}} bounds
    * @param {number} coordinates of the stream: 0 unknown, 1 y up, 2 y down
    */
   frame(bounds, coordinates) {
-    const [, y, z] = bounds.extent;
     this.fov = usualFov;
     this.isVertical = false;
-    this.up = coordinates === 1 ? [0, 1, 0] : coordinates === 2 || y <= z ? [0, -1, 0] : [0, 0, 1];
+    this.up = [0, coordinates === 1 ? 1 : -1, 0];
     this.target = /** @type {Vec3} */ (bounds.middle.slice());
     this.distance = Math.max(bounds.radius, 1e-3) / Math.sin(this.fov / 2);
     this.yaw = 0;

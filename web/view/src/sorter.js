@@ -203,8 +203,8 @@ export class Sorter {
   }
 
   /**
-   * What a camera should look at: the median of the positions at an instant, weighted by opacity, the radius
-   * of the ball that holds nine tenths of the opacity, and the scene's extent along each axis.
+   * What a camera should look at: the median of the positions at an instant, weighted by opacity, and the
+   * radius of the ball that holds nine tenths of the opacity.
    * @param {import('l4dcodec').StreamTime[]} streams
    */
   bounds(streams) {
@@ -221,8 +221,7 @@ export class Sorter {
     };
     const along = (/** @type {number} */ i) => points.map(p => [p[i], p[3]]);
     const middle = [0, 1, 2].map(i => quantile(along(i), 0.5));
-    const extent = [0, 1, 2].map(i => quantile(along(i), 0.95) - quantile(along(i), 0.05));
     const radius = quantile(points.map(p => [Math.hypot(...middle.map((m, i) => p[i] - m)), p[3]]), 0.9);
-    return {middle, extent, radius};
+    return {middle, radius};
   }
 }

@@ -18,8 +18,7 @@ import {chooseSurface, GlSurface} from './surface.js';
 
 /** What a camera should look at. @param {{min: number[], max: number[]}} box */
 const boundsOf = ({min, max}) => {
-  const extent = max.map((v, k) => v - min[k]);
-  return {middle: max.map((v, k) => (v + min[k]) / 2), extent, radius: Math.hypot(...extent) / 2};
+  return {middle: max.map((v, k) => (v + min[k]) / 2), radius: Math.hypot(...max.map((v, k) => v - min[k])) / 2};
 };
 
 /** Shows a movie on a canvas. */
@@ -147,7 +146,7 @@ export class View {
     this.change();
   }
 
-  /** @returns {Promise<{middle: number[], extent: number[], radius: number} | null>} */
+  /** @returns {Promise<{middle: number[], radius: number} | null>} */
   bounds() { return this.#ask({type: 'bounds', streams: this.movie?.streamsAt(this.movie.currentTime) ?? []}); }
 
   /**

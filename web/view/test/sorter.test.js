@@ -88,13 +88,17 @@ test('flat windows are seen in their frames', () => {
 
 test('cameras look at their target, and links keep them', () => {
   const camera = new OrbitCamera();
-  camera.frame({middle: [1, 2, 3], extent: [4, 1, 4], radius: 2}, 0);
+  camera.frame({middle: [1, 2, 3], radius: 2}, 0);
   camera.orbit(0.7, 0.3);
   const {worldToCamera: m, cx, cy} = camera.camera(640, 360);
   const [x, y, z] = [0, 4, 8].map(r => m[r] * 1 + m[r + 1] * 2 + m[r + 2] * 3 + m[r + 3]);
   assert.ok(Math.abs(x) < 1e-9 && Math.abs(y) < 1e-9 && Math.abs(z - camera.distance) < 1e-9);
   assert.deepEqual([cx, cy], [320, 180]);
   assert.ok(m[5] > 0.5, 'y is down');
+  camera.frame({middle: [0, 0, 0], radius: 2}, 1);
+  assert.deepEqual(camera.up, [0, 1, 0]);
+  camera.frame({middle: [1, 2, 3], radius: 2}, 0);
+  camera.orbit(0.7, 0.3);
   const other = new OrbitCamera();
   assert.ok(other.parse(String(camera)));
   assert.ok(Math.abs(other.yaw - camera.yaw) < 1e-3);
