@@ -5,6 +5,7 @@
     figures.py               figures of several pages against docs/accuracy/results.json and against each other
     figures.py TOOL SCENE    encodes a scene and compares bytes with what the pages say. SCENE: square, that of
                              docs/place.md; basketball, which says SKIPPED where L4D_DATA_DIR does not have it
+    figures.py --write TOOL  writes all of these into the pages
     figures.py --self-test   shows that a figure that is off by its last digit is found
 
 Bytes do not depend on the machine: the encoder gives the same ones with any number of threads.
@@ -75,6 +76,34 @@ def differs(printed, value):
     return abs(float(printed) - value) > 0.5 * 10 ** -digits * (1 + 1e-9)
 
 
+def rounded_as(printed, value):
+    return f"{value:.{len(printed.partition('.')[2])}f}"
+
+
+def written(text, pattern, values, flags=0):
+    """The text with the groups of the pattern replaced by values, with as many digits as there were."""
+    found = re.search(pattern, text, flags)
+    if found is None:
+        raise SystemExit(f"nothing like {pattern}")
+    for group in range(len(values), 0, -1):
+        begin, end = found.span(group)
+        text = text[:begin] + rounded_as(found[group], values[group - 1]) + text[end:]
+    return text
+
+
+def write_all(tool):
+    figures = [(page, pattern, values(), 0) for page, pattern, values in FIGURES]
+    for scene in SCENES:
+        with tempfile.TemporaryDirectory() as folder:
+            figures += [(page, pattern, (made,), re.DOTALL) for page, pattern, made in SCENES[scene](tool, folder)]
+    for page, pattern, values, flags in figures:
+        text = read_page(page)
+        changed = written(text, pattern, values, flags)
+        if changed != text:
+            print(f"{page}: {re.search(pattern, changed, flags)[0][-80:]}")
+            (ROOT / page).write_text(changed, encoding="utf-8")
+
+
 def problems(read, figures=FIGURES):
     for page, pattern, values in figures:
         found = re.search(pattern, read(page))
@@ -136,12 +165,15 @@ def self_test():
     assert not list(problems(lambda _: "takes 2.46 MB", figures))
     assert len(list(problems(lambda _: "takes 2.45 MB", figures))) == 1
     assert len(list(problems(lambda _: "has 2.46 MB", figures))) == 1
+    assert written("takes 2.40 to 9 MB", r"takes ([\d.]+) to (\d+) MB", (2.456, 10.7)) == "takes 2.46 to 11 MB"
     print("finds what it should")
 
 
 def main():
     if sys.argv[1:] == ["--self-test"]:
         return self_test()
+    if sys.argv[1:2] == ["--write"] and len(sys.argv) == 3:
+        return write_all(pathlib.Path(sys.argv[2]).resolve())
     if len(sys.argv) == 1:
         found = list(problems(read_page))
     elif len(sys.argv) == 3 and sys.argv[2] in SCENES:
