@@ -1,12 +1,51 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "eval/fidelity_meter.h"
 
+#include <algorithm>
+#include <map>
 #include <numeric>
 #include <utility>
 
 #include "eval/image_comparison.h"
 
 namespace l4d::eval {
+
+CheckedFidelity checked_fidelity(const CameraViews& views, const std::vector<double>& mse) {
+  struct Sum {
+    double mse = 0;
+    size_t views = 0;
+    void add(double m) {
+      mse += m;
+      ++views;
+    }
+    double psnr() const { return capped_psnr(mse / static_cast<double>(views)); }
+  };
+  Sum all;
+  std::map<size_t, Sum> cameras;
+  std::map<double, Sum> instants;
+  size_t most = 0;
+  for (size_t k = 0; k < mse.size(); ++k) {
+    const io::View& view = views.views[k];
+    all.add(mse[k]);
+    cameras[view.camera].add(mse[k]);
+    instants[view.time].add(mse[k]);
+    most = std::max(most, instants[view.time].views);
+  }
+  CheckedFidelity result;
+  result.psnr = all.psnr();
+  result.worst_camera = result.worst_instant = kMaxDecibels;
+  for (const auto& [camera, sum] : cameras) {
+    if (sum.psnr() > result.worst_camera) continue;
+    result.worst_camera = sum.psnr();
+    result.camera = views.set.cameras[camera].id;
+  }
+  for (const auto& [time, sum] : instants) {
+    if (2 * sum.views < most || sum.psnr() > result.worst_instant) continue;
+    result.worst_instant = sum.psnr();
+    result.instant = time;
+  }
+  return result;
+}
 
 FidelityMeter::FidelityMeter(RenderedScene& original, CameraViews views,
                              const MeterOptions& options, Observer& observer)
@@ -74,13 +113,12 @@ void FidelityMeter::visit(RenderedScene& coded, Observer& observer, const Visit&
   });
 }
 
-io::Fidelity FidelityMeter::fidelity(RenderedScene& coded, Observer& observer, bool with_ssim,
-                                     uint32_t threads) {
-  std::vector<ImageError> errors(num_views());
+CheckedFidelity FidelityMeter::fidelity(RenderedScene& coded, Observer& observer) {
+  std::vector<double> mse(num_views());
   visit(coded, observer, [&](size_t view, const io::Image& original, const io::Image& render) {
-    errors[view] = {io::mse(original, render), with_ssim ? io::ssim(original, render, threads) : 1};
+    mse[view] = io::mse(original, render);
   });
-  return summarise(errors);
+  return checked_fidelity(views_, mse);
 }
 
 double FidelityMeter::psnr_loss(RenderedScene& coded, Observer& observer) {

@@ -22,6 +22,16 @@ struct MeterOptions {
   uint64_t max_render_bytes = uint64_t{1} << 30;  // renders of the original that are kept
 };
 
+// What a coding has of the scene in dB, of mean squared errors, and where it has least.
+struct CheckedFidelity {
+  double psnr = 0;           // over all views
+  double worst_camera = 0;   // over those of one camera
+  int camera = 0;            // its id
+  double worst_instant = 0;  // over those of one instant, of the instants that most cameras see
+  double instant = 0;        // seconds
+};
+CheckedFidelity checked_fidelity(const CameraViews& views, const std::vector<double>& mse);
+
 // Renders codings of one scene in the same views, and measures how they differ from the scene. The
 // images of the scene itself are made once, and kept as far as the memory for them suffices.
 class FidelityMeter {
@@ -41,9 +51,7 @@ class FidelityMeter {
   // The original's render of a view and the coding's.
   using Visit = std::function<void(size_t view, const io::Image& original, const io::Image& coded)>;
   void visit(RenderedScene& coded, Observer& observer, const Visit& visit);
-  // Over all views, as summarise() (eval/image_comparison.h); SSIM is 1 unless it is asked for.
-  io::Fidelity fidelity(RenderedScene& coded, Observer& observer, bool with_ssim = false,
-                        uint32_t threads = 0);
+  CheckedFidelity fidelity(RenderedScene& coded, Observer& observer);
   // Mean over views of the PSNR against what the cameras saw: the scene's less the coding's. Only
   // where captured images were asked for.
   double psnr_loss(RenderedScene& coded, Observer& observer);

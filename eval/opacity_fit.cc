@@ -2,7 +2,7 @@
 #include "eval/opacity_fit.h"
 
 #include <algorithm>
-#include <cmath>
+#include <optional>
 #include <utility>
 
 #include "eval/errors.h"
@@ -20,22 +20,35 @@ constexpr float kMostDecrease = 0.5f, kMostIncrease = 3.0f;
 constexpr float kLeastRatio = 0.1f;
 constexpr float kMostOpacity = 0.999f;
 
-// Renders `scene` in all views of the meter. Calls visit(view, image, differentiate), where
-// differentiate(image, gradients) is the backward pass of the view; the image may be changed.
+// Smaller subsets move more often; in larger ones each Gaussian is seen by more views.
+constexpr size_t kSubsetViews = 9, kMostSubsets = 64;
+// Of the mean light of a Gaussian, added to that of a subset: one that sees it at the edge of an
+// image moves it little.
+constexpr float kMeanLight = 0.3f;
+constexpr float kMomentum = 0.5f;
+// Steps of pass k are shortened to 1 / (1 + k kShortening): what subsets disagree about averages.
+constexpr double kShortening = 0.3;
+
+size_t subsets_of(size_t num_views) {
+  return std::clamp<size_t>(num_views / kSubsetViews, 1, kMostSubsets);
+}
+
+// Renders `scene` in the views of a subset: every num_subsets-th of the meter, which are in the
+// order of time. Calls visit(view, image, differentiate), where differentiate(image, gradients) is
+// the backward pass of the view; the image may be changed.
 template <typename Visit>
-void for_each_view(const Rendering& rendering, FidelityMeter& meter, const io::Scene& scene,
-                   Observer& observer, const Visit& visit) {
+void for_each_view(RendererHandle& renderer, const CameraViews& views, size_t subset,
+                   size_t num_subsets, Observer& observer, const Visit& visit) {
   about("the views of the fit", [&] {
-    RendererHandle renderer(&rendering.renderer);
-    renderer.set_rendering(&scene.rendering);
-    renderer.set_gaussians(scene.view(), scene.timeline);
-    const CameraViews& views = meter.views();
     io::Image image;
-    for (size_t k = 0; k < views.views.size(); ++k) {
+    std::optional<double> shown;
+    for (size_t k = subset; k < views.views.size(); k += num_subsets) {
       observer.check();
-      observer.update(k, views.views.size(), "fitting opacities");
+      observer.update(k / num_subsets + subset * views.views.size() / num_subsets,
+                      views.views.size(), "fitting opacities");
       const double time = views.views[k].time;
-      if (k == 0 || views.views[k - 1].time != time) renderer.set_time(time);
+      if (shown != time) renderer.set_time(time);
+      shown = time;
       const l4d_camera& camera = views.camera_of(k).camera;
       if (image.width != camera.width || image.height != camera.height) {
         image = io::Image(camera.width, camera.height);
@@ -49,6 +62,13 @@ void for_each_view(const Rendering& rendering, FidelityMeter& meter, const io::S
   });
 }
 
+RendererHandle renderer_of(const Rendering& rendering, const io::Scene& scene) {
+  RendererHandle renderer(&rendering.renderer);
+  renderer.set_rendering(&scene.rendering);
+  renderer.set_gaussians(scene.view(), scene.timeline);
+  return renderer;
+}
+
 l4d_gradients gradients_of(const io::Scene& scene) {
   l4d_gradients gradients = L4D_INIT(l4d_gradients);
   gradients.count = scene.count();
@@ -57,56 +77,68 @@ l4d_gradients gradients_of(const io::Scene& scene) {
 
 }  // namespace
 
-OpacityFit::OpacityFit(const Rendering& rendering, FidelityMeter& whole, io::Scene part,
-                       const std::vector<float>& contrast, Observer& observer)
-    : rendering_(rendering), whole_(whole), part_(std::move(part)) {
-  given_.resize(part_.count());
-  for (size_t i = 0; i < part_.count(); ++i) {
-    given_[i] = static_cast<float>(linear_opacity(part_, i));
-  }
-  part_.flags &= ~static_cast<uint32_t>(L4D_OPACITY_LOGIT);
-  part_.opacity = given_;
-  ratio_.assign(part_.count(), 1.0f);
-  before_ = ratio_;
-  weigh(contrast, observer);
-}
-
 // A Gaussian changes a pixel by alpha T times its contrast to what lies behind it, and all
 // Gaussians of the pixel together by no more than the sum of these. Colours that are the squared
 // contrasts make an image of that sum; its product with alpha T is the derivative by the colour.
-void OpacityFit::weigh(const std::vector<float>& contrast, Observer& observer) {
+SharedLight shared_light(const Rendering& rendering, const CameraViews& views,
+                         const io::Scene& given, const std::vector<float>& contrast,
+                         Observer& observer) {
   constexpr float kPerColor = static_cast<float>(sh_constant::k0);
-  io::Scene scene = part_;
+  io::Scene scene = given;
   scene.sh_degree = 0;
   scene.sh.resize(3 * scene.count());
   for (size_t i = 0; i < scene.count(); ++i) {
     const float color = std::clamp(contrast[i], kLeastContrast, kMostContrast);
     std::fill_n(scene.sh.data() + 3 * i, 3, (color - 0.5f) / kPerColor);
   }
-  std::vector<float> by_color(3 * scene.count(), 0.0f);
+  RendererHandle renderer = renderer_of(rendering, scene);
+  std::vector<float> by_color(3 * scene.count());
   l4d_gradients gradients = gradients_of(scene);
   gradients.sh = by_color.data();
-  for_each_view(rendering_, whole_, scene, observer,
-                [&](size_t, const io::Image& image, const auto& differentiate) {
-                  differentiate(image, &gradients);
-                });
-  light_.resize(scene.count());
-  for (size_t i = 0; i < scene.count(); ++i) {
-    const float sum = by_color[3 * i] + by_color[3 * i + 1] + by_color[3 * i + 2];
-    light_[i] = contrast[i] < 0 ? 0 : sum / (3 * kPerColor);
+  SharedLight light;
+  light.of_subset.resize(subsets_of(views.views.size()));
+  light.mean.assign(scene.count(), 0.0f);
+  for (size_t s = 0; s < light.of_subset.size(); ++s) {
+    std::fill(by_color.begin(), by_color.end(), 0.0f);
+    for_each_view(renderer, views, s, light.of_subset.size(), observer,
+                  [&](size_t, const io::Image& image, const auto& differentiate) {
+                    differentiate(image, &gradients);
+                  });
+    std::vector<float>& own = light.of_subset[s];
+    own.resize(scene.count());
+    for (size_t i = 0; i < scene.count(); ++i) {
+      const float sum = by_color[3 * i] + by_color[3 * i + 1] + by_color[3 * i + 2];
+      own[i] = contrast[i] < 0 ? 0 : sum / (3 * kPerColor);
+      light.mean[i] += own[i] / static_cast<float>(light.of_subset.size());
+    }
   }
+  return light;
 }
 
-void OpacityFit::set_ratios(const std::vector<float>& ratio) {
-  for (size_t i = 0; i < given_.size(); ++i) part_.opacity[i] = given_[i] * ratio[i];
+OpacityFit::OpacityFit(const Rendering& rendering, FidelityMeter& whole, const io::Scene& scene,
+                       const SharedLight& light, const std::vector<uint8_t>& kept,
+                       const std::vector<float>& ratio)
+    : rendering_(rendering), whole_(whole), light_(light), part_(scene) {
+  part_.keep(kept);
+  part_.flags &= ~static_cast<uint32_t>(L4D_OPACITY_LOGIT);
+  part_.opacity.resize(part_.count());
+  for (size_t i = 0; i < kept.size(); ++i) {
+    if (kept[i] == 0) continue;
+    part_.opacity[source_.size()] = static_cast<float>(linear_opacity(scene, i)) * ratio[i];
+    given_.push_back(static_cast<float>(linear_opacity(scene, i)));
+    ratio_.push_back(ratio[i]);
+    source_.push_back(static_cast<uint32_t>(i));
+  }
+  moved_.assign(part_.count(), 0.0f);
 }
 
-double OpacityFit::differentiate(std::vector<float>* gradient, Observer& observer) {
+double OpacityFit::differentiate(size_t subset, std::vector<float>* gradient, Observer& observer) {
   gradient->assign(part_.count(), 0.0f);
   l4d_gradients gradients = gradients_of(part_);
   gradients.opacity = gradient->data();
   double error = 0;
-  for_each_view(rendering_, whole_, part_, observer,
+  RendererHandle renderer = renderer_of(rendering_, part_);
+  for_each_view(renderer, whole_.views(), subset, num_subsets(), observer,
                 [&](size_t view, io::Image& image, const auto& differentiate) {
                   const io::Image& whole = whole_.original(view);
                   double sum = 0;
@@ -122,43 +154,35 @@ double OpacityFit::differentiate(std::vector<float>* gradient, Observer& observe
   return error;
 }
 
-float OpacityFit::within(size_t i, float ratio) const {
-  const float most = std::max(1.0f, kMostOpacity / std::max(given_[i], 1e-6f));
-  return std::clamp(ratio, kLeastRatio, most);
+void OpacityFit::move(size_t subset, const std::vector<float>& gradient) {
+  const float step = static_cast<float>(damping_ / (1 + kShortening * passes_));
+  for (size_t i = 0; i < ratio_.size(); ++i) {
+    const float light = light_.of_subset[subset][source_[i]];
+    if (!(light > 0)) continue;
+    const float from = ratio_[i];
+    const float by = std::clamp(
+        kMomentum * moved_[i] - step * gradient[i] / (light + kMeanLight * light_.mean[source_[i]]),
+        -kMostDecrease * from, kMostIncrease * from);
+    const float most = std::max(1.0f, kMostOpacity / std::max(given_[i], 1e-6f));
+    ratio_[i] = std::clamp(from + by, kLeastRatio, most);
+    moved_[i] = ratio_[i] - from;
+    part_.opacity[i] = given_[i] * ratio_[i];
+  }
 }
 
-void OpacityFit::step(Observer& observer) {
-  const double next_momentum = 0.5 * (1 + std::sqrt(1 + 4 * momentum_ * momentum_));
-  const float carried = static_cast<float>((momentum_ - 1) / next_momentum);
-  std::vector<float> at = ratio_, gradient;
-  for (size_t i = 0; i < at.size(); ++i) {
-    if (light_[i] > 0) at[i] = within(i, ratio_[i] + carried * (ratio_[i] - before_[i]));
+void OpacityFit::pass(Observer& observer) {
+  // Subsets that follow one another are far apart in time and among cameras.
+  const size_t stride = golden_stride(num_subsets());
+  double error = 0;
+  std::vector<float> gradient;
+  for (size_t n = 0; n < num_subsets(); ++n) {
+    const size_t subset = (n * stride + passes_) % num_subsets();
+    error += differentiate(subset, &gradient, observer);
+    move(subset, gradient);
   }
-  set_ratios(at);
-  const double error = differentiate(&gradient, observer);
-  momentum_ = next_momentum;
-  if (least_error_ < 0 || error < least_error_) {
-    least_error_ = error;
-    best_ = std::move(at);
-    best_gradient_ = std::move(gradient);
-  } else {
-    // Too far: a shorter step from where it was best.
-    damping_ /= 2;
-    momentum_ = 1;
-    ratio_ = best_;
-  }
-  before_ = ratio_;
-  double uphill = 0;
-  for (size_t i = 0; i < ratio_.size(); ++i) {
-    if (!(light_[i] > 0)) continue;
-    const float from = best_[i];
-    const float move = std::clamp(-damping_ * best_gradient_[i] / light_[i], -kMostDecrease * from,
-                                  kMostIncrease * from);
-    ratio_[i] = within(i, from + move);
-    uphill += static_cast<double>(best_gradient_[i]) * static_cast<double>(ratio_[i] - before_[i]);
-  }
-  if (uphill > 0) momentum_ = 1;
-  set_ratios(ratio_);
+  if (error_ >= 0 && error > error_) damping_ /= 2;
+  error_ = error;
+  ++passes_;
 }
 
 }  // namespace l4d::eval

@@ -22,7 +22,9 @@ constexpr size_t kMostTrials = 3;
 // Decibels that the part loses where the threshold doubles, before two trials tell.
 constexpr double kSlope = 5, kFlattest = 1.5, kSteepest = 10;
 constexpr double kFirstThreshold = 1, kMostThreshold = 64, kMostChange = 16;
-constexpr size_t kFitViews = 64;  // or one of each instant
+
+// Renders of the scene that are kept.
+constexpr uint64_t kFitBytes = uint64_t{2} << 30, kCheckBytes = uint64_t{1} << 30;
 
 constexpr double kPi = 3.14159265358979323846;
 
@@ -64,14 +66,17 @@ class Search {
         options_(options),
         observer_(observer),
         costs_(costs_of(scene, weights)),
+        light_(
+            shared_light(views.rendering(), views.fit().views(), scene, costs_.contrast, observer)),
+        ratio_(scene.count(), 1.0f),
         allowed_(std::pow(10.0, -options.fidelity / 10) / static_cast<double>(scene.count())) {}
 
   PrunedScene run() {
     double threshold = kFirstThreshold;
     while (out_.trials.size() < kMostTrials) {
       Attempt attempt = begin(threshold);
-      // Half of the passes show how good the threshold is.
-      advance(attempt, std::max(1u, options_.passes / 2));
+      // Half of the passes show how good the threshold is; the next one begins where this one ends.
+      advance(attempt, out_.trials.empty() ? std::max(1u, options_.passes / 2) : 1);
       out_.trials.push_back(attempt.trial);
       const double above = attempt.trial.fidelity - options_.fidelity;
       if (above >= kLeast && (!best_ || best_->trial.threshold < threshold)) {
@@ -95,21 +100,20 @@ class Search {
       attempt.trial.kept += goes ? 0 : 1;
     }
     if (attempt.trial.kept == 0) return attempt;
-    io::Scene part = scene_;
-    part.keep(attempt.kept);
-    std::vector<float> contrast = costs_.contrast;
-    keep_rows(attempt.kept, 1, &contrast);
-    attempt.fit = std::make_unique<OpacityFit>(views_.rendering(), views_.fit(), std::move(part),
-                                               contrast, observer_);
+    attempt.fit = std::make_unique<OpacityFit>(views_.rendering(), views_.fit(), scene_, light_,
+                                               attempt.kept, ratio_);
     return attempt;
   }
 
   void advance(Attempt& attempt, uint32_t passes) {
     if (attempt.fit == nullptr || passes == 0) return;
-    for (uint32_t k = 0; k < passes; ++k) attempt.fit->step(observer_);
+    for (uint32_t k = 0; k < passes; ++k) attempt.fit->pass(observer_);
     attempt.trial.passes += passes;
     RenderedScene part(views_.rendering(), &attempt.fit->part(), "the scene that is pruned");
     attempt.trial.fidelity = views_.check().fidelity(part, observer_).psnr;
+    for (size_t i = 0, row = 0; i < ratio_.size(); ++i) {
+      if (attempt.kept[i] != 0) ratio_[i] = attempt.fit->ratios()[row++];
+    }
   }
 
   // Decibels are about linear in the logarithm of the threshold.
@@ -136,7 +140,8 @@ class Search {
       out_.part = scene_;
       return;
     }
-    advance(*best_, options_.passes - best_->trial.passes);
+    const uint32_t done = best_->trial.passes;
+    advance(*best_, options_.passes - std::min(done, options_.passes));
     out_.trials[out_.result] = best_->trial;
     const bool logit = (scene_.flags & L4D_OPACITY_LOGIT) != 0;
     out_.part = best_->fit->part();
@@ -155,29 +160,31 @@ class Search {
   const PruneOptions& options_;
   Observer& observer_;
   Costs costs_;
+  SharedLight light_;
+  std::vector<float> ratio_;     // [N] of opacities, as they were fitted last, to the scene's
   double allowed_;               // squared error of the image for each Gaussian
   std::optional<Attempt> best_;  // the largest threshold that leaves enough to the coding
   PrunedScene out_;
 };
 
-MeterOptions half_of_the_memory() {
+MeterOptions keeping(uint64_t bytes) {
   MeterOptions options;
-  options.max_render_bytes /= 2;
+  options.max_render_bytes = bytes;
   return options;
 }
 
 }  // namespace
 
 FittingViews::FittingViews(Rendering rendering, const io::Scene& scene, const CameraViews& views,
-                           Observer& observer)
-    : FittingViews(std::move(rendering), scene, deal_views(views, kFitViews), observer) {}
+                           size_t most, Observer& observer)
+    : FittingViews(std::move(rendering), scene, deal_views(views, most), observer) {}
 
 FittingViews::FittingViews(Rendering rendering, const io::Scene& scene, DealtViews dealt,
                            Observer& observer)
     : rendering_(std::move(rendering)),
       original_(rendering_, &scene, "the scene"),
-      fit_(original_, std::move(dealt.fit), half_of_the_memory(), observer),
-      check_(original_, std::move(dealt.check), half_of_the_memory(), observer) {}
+      fit_(original_, std::move(dealt.fit), keeping(kFitBytes), observer),
+      check_(original_, std::move(dealt.check), keeping(kCheckBytes), observer) {}
 
 PrunedScene prune_scene(const io::Scene& scene, const io::Weights& weights, FittingViews& views,
                         const PruneOptions& options, Observer& observer) {

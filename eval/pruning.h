@@ -14,8 +14,9 @@ namespace l4d::eval {
 // A scene in views that are dealt over all its instants (deal_views).
 class FittingViews {
  public:
-  // scene: must outlive this. views: those that its importance was measured from.
-  FittingViews(Rendering rendering, const io::Scene& scene, const CameraViews& views,
+  // scene: must outlive this. views: those that its importance was measured from; of them about
+  // `most` for the fit.
+  FittingViews(Rendering rendering, const io::Scene& scene, const CameraViews& views, size_t most,
                Observer& observer);
   FittingViews(const FittingViews&) = delete;
   FittingViews& operator=(const FittingViews&) = delete;

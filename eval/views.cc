@@ -29,7 +29,21 @@ CameraViews spread_views(CameraViews all, size_t most) {
   return all;
 }
 
-DealtViews deal_views(const CameraViews& all, size_t least) {
+namespace {
+
+// Views of the check in parts of those of the fit, and how many of them share a few instants.
+constexpr double kCheckShare = 1, kSeenShare = 0.75;
+constexpr double kRounding = 1e-6;  // of sums that are whole numbers
+
+}  // namespace
+
+size_t golden_stride(size_t n) {
+  size_t stride = std::max<size_t>(1, n * 5 / 8);
+  while (std::gcd(stride, n) != 1) ++stride;
+  return stride;
+}
+
+DealtViews deal_views(const CameraViews& all, size_t most) {
   std::vector<std::vector<io::View>> instants;
   std::vector<io::View> views = all.views;
   std::stable_sort(views.begin(), views.end(),
@@ -38,16 +52,28 @@ DealtViews deal_views(const CameraViews& all, size_t least) {
     if (instants.empty() || instants.back().front().time != view.time) instants.emplace_back();
     instants.back().push_back(view);
   }
-  const size_t each = least / std::max<size_t>(1, instants.size());
+  const double num_instants = static_cast<double>(instants.size());
+  const double num_fit = static_cast<double>(most) / std::max(1.0, num_instants);
+  // Instants that are checked as most cameras see them.
+  const double num_seen = static_cast<double>(most) * kCheckShare * kSeenShare;
+  const auto num_whole = static_cast<size_t>(
+      std::clamp(num_seen * num_instants / static_cast<double>(views.size()), 1.0, num_instants));
   DealtViews dealt{{all.set, {}}, {all.set, {}}};
+  double fit_due = 0, check_due = 0;
   for (size_t k = 0; k < instants.size(); ++k) {
     const std::vector<io::View>& of = instants[k];
-    // Strides near the golden section: neighbours are far apart, in an instant and among instants.
-    size_t stride = std::max<size_t>(1, of.size() * 5 / 8);
-    while (std::gcd(stride, of.size()) != 1) ++stride;
-    const size_t fit = std::clamp<size_t>(each, 1, of.size());
-    const size_t check = fit >= 4 ? fit / 4 : (k % 2 == 0 ? 1 : 0);
-    for (size_t n = 0; n < std::min(fit + check, of.size()); ++n) {
+    const double size = static_cast<double>(of.size());
+    const double share = std::clamp(num_fit, 1.0, std::max(1.0, size / (1 + kCheckShare)));
+    fit_due += share;
+    check_due += share * kCheckShare * (1 - kSeenShare);
+    const auto fit = std::min(static_cast<size_t>(fit_due + kRounding), of.size());
+    fit_due -= static_cast<double>(fit);
+    const bool is_whole = (k + 1) * num_whole / instants.size() != k * num_whole / instants.size();
+    const size_t check = std::min(is_whole ? of.size() : static_cast<size_t>(check_due + kRounding),
+                                  of.size() - fit);
+    if (!is_whole) check_due -= static_cast<double>(check);
+    const size_t stride = golden_stride(of.size());
+    for (size_t n = 0; n < fit + check; ++n) {
       (n < fit ? dealt.fit : dealt.check).views.push_back(of[(7 * k + n * stride) % of.size()]);
     }
   }

@@ -20,15 +20,20 @@ struct CameraViews {
 // At most `most` of the views, spread evenly over cameras and time.
 CameraViews spread_views(CameraViews views, size_t most);
 
-// Views for a fit, and others to judge the fit by.
+// A stride near 5/8 of n and prime to it: its multiples modulo n visit all of 0..n-1, and those
+// that follow one another are far apart.
+size_t golden_stride(size_t n);
+
+// Views for a fit, and others to judge the fit by; both in the order of time.
 struct DealtViews {
   CameraViews fit;
   CameraViews check;  // those of the fit where there are no others
 };
-// Deals at least one view of every instant to the fit, since a view tells nothing about Gaussians
-// of other instants, and more of each instant until there are about `least`; a quarter as many
-// others to the check. Cameras take turns.
-DealtViews deal_views(const CameraViews& views, size_t least);
+// Deals about `most` views of all cameras and instants to the fit, but at least one of each
+// instant, since a view tells nothing about Gaussians of other instants. About two thirds as many
+// others go to the check: a quarter of them from instants all over, the others from a few instants
+// as most cameras see them. Cameras take turns, so that each serves the fit and the check.
+DealtViews deal_views(const CameraViews& views, size_t most);
 
 // The middle of the sequence: where orbits are laid out.
 double middle_of(const l4d_timeline& timeline);

@@ -34,12 +34,20 @@ Judge::Judge(const BenchScene& scene, const std::vector<uint32_t>& frames)
 
 io::Fidelity Judge::of_file(const std::vector<unsigned char>& file, bool with_ssim) const {
   eval::RenderedScene coded = rendered(file);
-  return meter_.fidelity(coded, quiet_, with_ssim);
+  return fidelity(coded, with_ssim);
 }
 
 io::Fidelity Judge::of_scene(const io::Scene& scene, bool with_ssim) const {
   eval::RenderedScene coded({}, &scene, "the scene");
-  return meter_.fidelity(coded, quiet_, with_ssim);
+  return fidelity(coded, with_ssim);
+}
+
+io::Fidelity Judge::fidelity(eval::RenderedScene& coded, bool with_ssim) const {
+  std::vector<eval::ImageError> errors;
+  meter_.visit(coded, quiet_, [&](size_t, const io::Image& original, const io::Image& render) {
+    errors.push_back({io::mse(original, render), with_ssim ? io::ssim(original, render, 0) : 1});
+  });
+  return eval::summarise(errors);
 }
 
 void Judge::visit_file(const std::vector<unsigned char>& file,

@@ -29,6 +29,8 @@ class Judge {
   size_t camera(size_t index) const { return meter_.views().views[index].camera; }
 
  private:
+  io::Fidelity fidelity(eval::RenderedScene& coded, bool with_ssim) const;
+
   mutable eval::Observer quiet_;
   mutable eval::RenderedScene original_;
   mutable eval::FidelityMeter meter_;

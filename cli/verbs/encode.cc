@@ -349,8 +349,6 @@ void set_parameters(Context& context, const EncodeArguments& arguments, bool has
 }
 
 constexpr uint32_t kRefitPasses = 4;
-// Less than the fidelity aimed at, in dB, that is made up for by a refit unless one is requested.
-constexpr double kMissed = 0.5;
 
 // Bounds of colours follow a quality below that of the preset. A refit changes the quality, and the
 // bounds stay those of the fidelity aimed at.
@@ -432,10 +430,9 @@ eval::Encoding encode_once(Context& context, const EncoderHandle& encoder, const
 struct Encoded {
   const eval::Encoding& encoding;
   const std::optional<Importance>& importance;
-  const std::optional<CheckedStream>& checked;
   const std::optional<Refit>& refit;
   const std::optional<TargetReached>& reached;
-  double read_seconds, total_seconds;
+  double quality, read_seconds, total_seconds;
 };
 
 Outcome describe(const EncodeArguments& arguments, const Input& input, const io::Scene& scene,
@@ -447,7 +444,7 @@ Outcome describe(const EncodeArguments& arguments, const Input& input, const io:
                   {"output", name},
                   {"preset", arguments.parameters.preset}};
   add_report(encoded.encoding.report, name, encoded.total_seconds, &outcome);
-  const auto& [encoding, importance, checked, refit, reached, read_seconds, total_seconds] =
+  const auto& [encoding, importance, refit, reached, quality, read_seconds, total_seconds] =
       encoded;
   Json& stages = outcome.json["steps"] = {{"read", read_seconds}};
   if (importance) stages["sensitivity"] = importance->seconds;
@@ -455,9 +452,7 @@ Outcome describe(const EncodeArguments& arguments, const Input& input, const io:
   if (reached) stages["search"] = reached->seconds;
   for (const auto& [stage, seconds] : encoding.stages) stages[stage] = seconds;
   if (eval::has_quality(encoder)) {
-    outcome.json["quality"] = reached ? reached->search.result().quality
-                              : refit ? refit->fidelity()
-                                      : eval::get_parameter(encoder, L4D_ENC_QUALITY);
+    outcome.json["quality"] = reached ? reached->search.result().quality : quality;
   }
   if (reached) {
     outcome.json["target"] = reached->json();
@@ -468,15 +463,7 @@ Outcome describe(const EncodeArguments& arguments, const Input& input, const io:
     outcome.json["sensitivity"] = importance->json();
     outcome.text += importance->text();
   }
-  if (checked) {
-    outcome.json["checked"] = {{"views", checked->views}, {"fidelity", checked->fidelity}};
-    outcome.text += format("pruned by weights alone: %.2f dB in %llu views\n", checked->fidelity,
-                           static_cast<unsigned long long>(checked->views));
-  }
-  if (refit) {
-    outcome.json["refit"] = refit->json();
-    outcome.text += refit->text();
-  }
+  if (refit) refit->describe(&outcome);
   return outcome;
 }
 
@@ -513,12 +500,9 @@ void check_live(Context& context, const EncodeArguments& arguments, bool has_tar
 }
 
 // Gives the encoder a scene and what the cameras say of it. told: borrowed by the encoder.
-// opacity: in place of the scene's, borrowed likewise; null = the scene's.
 void set_scene(Context& context, const EncodeArguments& arguments, const io::Scene& scene,
-               const EncoderHandle& encoder, EncoderImportance* told,
-               const float* opacity = nullptr) {
-  l4d_gaussians view = scene.view();
-  if (opacity != nullptr) view.opacity = opacity;
+               const EncoderHandle& encoder, EncoderImportance* told) {
+  const l4d_gaussians view = scene.view();
   encoder.check(l4d_encoder_set_scene(encoder.get(), &view, &scene.timeline, &scene.placement));
   encoder.check(l4d_encoder_set_rendering(encoder.get(), &scene.rendering));
   encoder.check(l4d_encoder_set_presentation(encoder.get(), &scene.presentation));
@@ -529,6 +513,24 @@ void set_scene(Context& context, const EncodeArguments& arguments, const io::Sce
     }
     told->tell(encoder);
   }
+}
+
+eval::Encoding encode_refitted(Context& context, const EncodeArguments& arguments,
+                               const Input& input, const io::Scene& scene,
+                               const EncoderHandle& encoder, uint32_t passes,
+                               EncoderImportance& told, Refit& refit) {
+  const double fidelity = eval::get_parameter(encoder, L4D_ENC_QUALITY);
+  RefitCalls calls;
+  calls.encode_plain = [&] { return encode_once(context, encoder, input, "", true); };
+  calls.replace = [&](const std::vector<float>& opacity, const io::Weights& weights) {
+    encoder.check(l4d_encoder_set_fitted_opacity(encoder.get(), opacity.data()));
+    told.set_weights(kMeasuredWeights, weights, arguments.weight_views(), scene.count());
+    about(kMeasuredWeights, [&] { told.tell(encoder); });
+    keep_color_bounds(arguments, encoder, fidelity);
+    for (const char* name : {L4D_ENC_PRUNE_WEIGHT, L4D_ENC_PRUNE_COST}) encoder.set(name, 0);
+  };
+  // The user asks for the fit: it stays, whatever it saves.
+  return refit.encode(encoder, told.weights(), passes, !arguments.refit.empty(), calls);
 }
 
 Outcome run_live(Context& context, const EncodeArguments& arguments) {
@@ -599,35 +601,22 @@ Outcome run_encode(Context& context, EncodeArguments& arguments) {
   const std::optional<Importance> importance =
       set_weights(context, arguments, input, scene, encoder, measuring, outputs.weights, told);
   eval::Encoding encoding;
-  std::optional<CheckedStream> checked;
-  const double fidelity = passes > 0 ? eval::get_parameter(encoder, L4D_ENC_QUALITY) : 0;
-  const bool wants_order = outputs.order || arguments.verify;
-  if (passes > 0 && arguments.refit.empty()) {
-    encoding = encode_once(context, encoder, input, "", wants_order);
-    checked = check_stream(context, input.name(), scene, measuring->views, encoding.stream);
-  }
-  std::optional<Refit> refit;
-  if (passes > 0 && !(checked && checked->fidelity >= fidelity - kMissed)) {
-    refit.emplace(context, input.name(),
-                  RefitInput{scene, measuring->views, measuring->how, fidelity, passes,
-                             arguments.has_all_views()},
-                  told.weights());
-    about(input.name(),
-          [&] { set_scene(context, arguments, scene, encoder, &told, refit->opacity().data()); });
-    told.set_weights(kMeasuredWeights, refit->weights(), arguments.weight_views(), scene.count());
-    about(kMeasuredWeights, [&] { told.tell(encoder); });
-    keep_color_bounds(arguments, encoder, fidelity);
-    for (const char* name : {L4D_ENC_PRUNE_WEIGHT, L4D_ENC_PRUNE_COST}) encoder.set(name, 0);
-  }
   std::optional<TargetReached> reached;
+  std::optional<Refit> refit;
+  const bool wants_order = outputs.order || arguments.verify;
+  const double quality =
+      eval::has_quality(encoder) ? eval::get_parameter(encoder, L4D_ENC_QUALITY) : 0;
   if (target) {
     reached = about(input.name(), [&] {
       return encode_to_target(context, *target, encoder, input.name(), scene, arguments.cameras,
                               told.min_sizes(), &encoding);
     });
-  } else if (refit) {
-    about(input.name(), [&] { refit->encode(encoder, &encoding); });
-  } else if (!checked) {
+  } else if (passes > 0) {
+    refit.emplace(
+        context, input.name(),
+        RefitInput{scene, measuring->views, measuring->how, quality, arguments.has_all_views()});
+    encoding = encode_refitted(context, arguments, input, scene, encoder, passes, told, *refit);
+  } else {
     // Into memory where the output is not to be renamed over.
     encoding = encode_once(context, encoder, input,
                            outputs.stream.is_special() ? "" : outputs.stream.path(), wants_order);
@@ -637,7 +626,7 @@ Outcome run_encode(Context& context, EncodeArguments& arguments) {
   if (outputs.order) eval::write_order(outputs.order->path(), encoding.order);
   Outcome outcome =
       describe(arguments, input, scene, encoder, outputs.name,
-               {encoding, importance, checked, refit, reached, read_seconds, watch.seconds()});
+               {encoding, importance, refit, reached, quality, read_seconds, watch.seconds()});
   outcome.stdout_is_data = outputs.stream.is_stdout();
   if (arguments.verify) {
     add_verification(context, scene, outputs.stream.path(), told.min_sizes(), encoding, &outcome);

@@ -16,9 +16,15 @@
 namespace l4d::cli {
 namespace {
 
-// More than the fidelity aimed at, in dB, that is not worth another encode.
-constexpr double kTolerance = 0.4;
+// More than the fidelity aimed at, in dB, that is not worth another encode; and what may be
+// missing.
+constexpr double kTolerance = 0.4, kMissed = 0.5;
 constexpr size_t kMostTrials = 4;
+// Views of the fit that are worth their time.
+constexpr size_t kDeviceViews = 600, kHostViews = 150;
+// Bytes grow by this share with each decibel, about. A fit does not pay that saves less than 2 %,
+// or whose worst camera or instant is so much further below the mean, in dB.
+constexpr double kBytesPerDecibel = 0.085, kPays = 0.98, kMostSpread = 1.5;
 
 // Weights of the part that stays as weights of all: none of those that go.
 io::Weights spread(const io::Weights& part, const std::vector<uint8_t>& kept) {
@@ -39,132 +45,200 @@ io::Weights spread(const io::Weights& part, const std::vector<uint8_t>& kept) {
   return all;
 }
 
-}  // namespace
+// A stream, and what renders of it have of the scene's.
+struct Checked {
+  uint64_t bytes = 0;
+  eval::CheckedFidelity fidelity;
 
-CheckedStream check_stream(Context& context, const std::string& name, const io::Scene& scene,
-                           const eval::CameraViews& views,
-                           const std::vector<unsigned char>& stream) {
-  return about(name, [&] {
-    Progress progress(context, "encode");
-    eval::FittingViews dealt(rendering_of(context, "fast", 2), scene, views, progress);
-    eval::RenderedScene coded(dealt.rendering(), eval::StreamBytes{stream.data(), stream.size()},
-                              "the stream");
-    return CheckedStream{dealt.check().num_views(), dealt.check().fidelity(coded, progress).psnr};
-  });
+  double worst() const { return std::min(fidelity.worst_camera, fidelity.worst_instant); }
+
+  Json json() const {
+    return {{"fidelity", fidelity.psnr},
+            {"worst_camera", {{"id", fidelity.camera}, {"fidelity", fidelity.worst_camera}}},
+            {"worst_instant", {{"time", fidelity.instant}, {"fidelity", fidelity.worst_instant}}}};
+  }
+};
+
+bool pays(const Checked& fitted, const Checked& plain) {
+  const double lost = plain.fidelity.psnr - fitted.fidelity.psnr;
+  const double equal = static_cast<double>(plain.bytes) * std::exp(-kBytesPerDecibel * lost);
+  return static_cast<double>(fitted.bytes) <= kPays * equal &&
+         fitted.fidelity.psnr - fitted.worst() <= plain.fidelity.psnr - plain.worst() + kMostSpread;
 }
+
+}  // namespace
 
 struct Refit::Parts {
   Context& context;
+  std::string name;
   RefitInput input;
   std::optional<eval::FittingViews> views;
+  std::optional<Checked> plain, fitted;
+  bool is_kept = false;  // what was fitted
   eval::PrunedScene pruned;
   io::Weights weights;
-  eval::QualitySearch search;  // of the encode
-  double seconds = 0;          // but for the encode that is kept
+  eval::QualitySearch search;
+  double seconds = 0;  // but for the encode that is kept
+
+  // What `f` does, named and timed.
+  template <typename F>
+  auto timed(const F& f) {
+    const Stopwatch watch;
+    struct AtEnd {
+      const Stopwatch& watch;
+      double* seconds;
+      ~AtEnd() { *seconds += watch.seconds(); }
+    } at_end{watch, &seconds};
+    return about(name, f);
+  }
+
+  Checked check(const std::vector<unsigned char>& stream, eval::Observer& observer) {
+    eval::RenderedScene coded(views->rendering(), eval::StreamBytes{stream.data(), stream.size()},
+                              "the stream");
+    return {stream.size(), views->check().fidelity(coded, observer)};
+  }
+
+  void fit(const io::Weights& given, uint32_t passes) {
+    timed([&] {
+      Progress progress(context, "encode");
+      pruned = eval::prune_scene(input.scene, given, *views,
+                                 {input.fidelity, passes, input.all_views}, progress);
+    });
+    MeasureArguments how = input.measure;
+    how.alone = true;  // other ranks have no part to measure
+    weights = timed([&] {
+      const Importance again = measure_importance(context, "encode", pruned.part, input.views, how);
+      return spread(again.weights, pruned.kept);
+    });
+    pruned.part = {};
+  }
+
+  bool is_pruned() const { return pruned.result < pruned.trials.size(); }
+
+  // Encodes the encoder's scene over and over, until its renders have the fidelity.
+  eval::Encoding encode(const EncoderHandle& encoder) {
+    // What pruning has taken of the error that is allowed.
+    const double taken =
+        is_pruned() ? std::pow(10.0, -pruned.trials[pruned.result].fidelity / 10) : 0;
+    encoder.set(L4D_ENC_QUALITY, -10 * std::log10(std::pow(10.0, -input.fidelity / 10) - taken));
+    eval::Target target;
+    target.kind = eval::Target::Kind::kFidelity;
+    target.requested = input.fidelity;
+    target.tolerance = kTolerance;
+    target.most_trials = kMostTrials;
+    std::optional<Progress> progress;
+    std::vector<Checked> trials;
+    eval::TargetCalls calls;
+    calls.begin = [&](size_t trial, double quality) -> eval::Observer& {
+      progress.reset();
+      return progress.emplace(context, "encode", format("trial %zu, %.2f dB", trial + 1, quality));
+    };
+    calls.holder = context.budget().holder();
+    calls.measure = [&](const eval::Encoding& coded, eval::Observer& observer) {
+      trials.push_back(check(coded.stream, observer));
+      return trials.back().fidelity.psnr;
+    };
+    eval::Encoding encoding;
+    eval::TargetResult result = eval::encode_to_target(target, encoder, calls, &encoding);
+    search = std::move(result.search);
+    fitted = trials[search.best];
+    seconds += result.seconds;
+    return encoding;
+  }
 };
 
-Refit::Refit(Context& context, const std::string& name, const RefitInput& input,
-             const io::Weights& weights)
-    : parts_(new Parts{context, input, {}, {}, {}, {}, 0}) {
-  const Stopwatch watch;
-  about(name, [&] {
+Refit::Refit(Context& context, const std::string& name, const RefitInput& input)
+    : parts_(new Parts{context, name, input, {}, {}, {}, false, {}, {}, {}, 0}) {
+  parts_->timed([&] {
     Progress progress(context, "encode");
-    parts_->views.emplace(rendering_of(context, "fast", 2), input.scene, input.views, progress);
-    parts_->pruned = eval::prune_scene(input.scene, weights, *parts_->views,
-                                       {input.fidelity, input.passes, input.all_views}, progress);
+    const size_t most = context.backend() == L4D_BACKEND_CUDA ? kDeviceViews : kHostViews;
+    parts_->views.emplace(rendering_of(context, "fast", 2), input.scene, input.views, most,
+                          progress);
   });
-  MeasureArguments how = input.measure;
-  how.alone = true;  // other ranks have no part to measure
-  const Importance again = about(name, [&] {
-    return measure_importance(context, "encode", parts_->pruned.part, input.views, how);
-  });
-  parts_->weights = spread(again.weights, parts_->pruned.kept);
-  parts_->pruned.part = {};
-  parts_->seconds = watch.seconds();
 }
 
 Refit::~Refit() = default;
 
-const std::vector<float>& Refit::opacity() const { return parts_->pruned.opacity; }
-const io::Weights& Refit::weights() const { return parts_->weights; }
-double Refit::fidelity() const { return parts_->input.fidelity; }
-double Refit::seconds() const { return parts_->seconds; }
-
-void Refit::encode(const EncoderHandle& encoder, eval::Encoding* encoding) {
-  const double fidelity = parts_->input.fidelity;
-  // What pruning has taken of the error that is allowed.
-  const eval::PrunedScene& pruned = parts_->pruned;
-  const double taken = pruned.result < pruned.trials.size()
-                           ? std::pow(10.0, -pruned.trials[pruned.result].fidelity / 10)
-                           : 0;
-  encoder.set(L4D_ENC_QUALITY, -10 * std::log10(std::pow(10.0, -fidelity / 10) - taken));
-  eval::Target target;
-  target.kind = eval::Target::Kind::kFidelity;
-  target.requested = fidelity;
-  target.tolerance = kTolerance;
-  target.most_trials = kMostTrials;
-  std::optional<Progress> progress;
-  eval::TargetCalls calls;
-  calls.begin = [&](size_t trial, double quality) -> eval::Observer& {
-    progress.reset();
-    return progress.emplace(parts_->context, "encode",
-                            format("trial %zu, %.2f dB", trial + 1, quality));
-  };
-  calls.holder = parts_->context.budget().holder();
-  calls.measure = [&](const eval::Encoding& coded, eval::Observer& observer) {
-    eval::RenderedScene stream(parts_->views->rendering(),
-                               eval::StreamBytes{coded.stream.data(), coded.stream.size()},
-                               "the stream");
-    return parts_->views->check().fidelity(stream, observer).psnr;
-  };
-  eval::TargetResult result = eval::encode_to_target(target, encoder, calls, encoding);
-  parts_->search = std::move(result.search);
-  parts_->seconds += result.seconds;
-  if (const eval::Trial& best = parts_->search.result(); !best.met) {
-    parts_->context.note(
-        format("renders reach %.2f dB of the fidelity of %.2f dB that was aimed at", best.figure,
-               fidelity));
+eval::Encoding Refit::encode(const EncoderHandle& encoder, const io::Weights& weights,
+                             uint32_t passes, bool always, const RefitCalls& calls) {
+  Parts& parts = *parts_;
+  eval::Encoding plain;
+  if (!always) {
+    plain = calls.encode_plain();
+    parts.plain = parts.timed([&] {
+      Progress progress(parts.context, "encode");
+      return parts.check(plain.stream, progress);
+    });
+    // On a processor the fit takes long.
+    const bool keeps = parts.plain->fidelity.psnr >= parts.input.fidelity - kMissed;
+    if (keeps && parts.context.backend() != L4D_BACKEND_CUDA) return plain;
   }
+  parts.fit(weights, passes);
+  calls.replace(parts.pruned.opacity, parts.weights);
+  eval::Encoding fitted = about(parts.name, [&] { return parts.encode(encoder); });
+  parts.is_kept = always || pays(*parts.fitted, *parts.plain);
+  const double reached = (parts.is_kept ? *parts.fitted : *parts.plain).fidelity.psnr;
+  if (reached < parts.input.fidelity - (parts.is_kept ? 0 : kMissed)) {
+    parts.context.note(format("renders reach %.2f dB of the fidelity of %.2f dB that was aimed at",
+                              reached, parts.input.fidelity));
+  }
+  return parts.is_kept ? std::move(fitted) : std::move(plain);
 }
 
-Json Refit::json() const {
-  const eval::PrunedScene& pruned = parts_->pruned;
-  Json j = {{"views", parts_->views->fit().num_views()},
-            {"check_views", parts_->views->check().num_views()},
+double Refit::seconds() const { return parts_->seconds; }
+
+void Refit::describe(Outcome* outcome) const {
+  Parts& parts = *parts_;
+  const size_t views = parts.views->check().num_views();
+  const Checked& kept = parts.is_kept ? *parts.fitted : *parts.plain;
+  Json& checked = outcome->json["checked"] = kept.json();
+  checked["views"] = views;
+  outcome->text +=
+      format("renders: %.2f dB in %zu views apart; %.2f dB for camera %d, %.2f dB at %s s\n",
+             kept.fidelity.psnr, views, kept.fidelity.worst_camera, kept.fidelity.camera,
+             kept.fidelity.worst_instant, format_number(kept.fidelity.instant).c_str());
+  if (!parts.fitted) return;
+  const eval::PrunedScene& pruned = parts.pruned;
+  Json j = {{"views", parts.views->fit().num_views()},
             {"thresholds", Json::array()},
-            {"seconds", parts_->seconds}};
+            {"kept", parts.is_kept},
+            {"bytes", parts.fitted->bytes},
+            {"seconds", parts.seconds}};
+  if (parts.plain) {
+    j["weights_alone"] = parts.plain->json();
+    j["weights_alone"]["bytes"] = parts.plain->bytes;
+  }
   for (const eval::PruneTrial& trial : pruned.trials) {
     j["thresholds"].push_back({{"threshold", trial.threshold},
                                {"kept", trial.kept},
                                {"passes", trial.passes},
                                {"fidelity", trial.fidelity}});
   }
-  if (pruned.result < pruned.trials.size()) j["chosen"] = pruned.result;
+  if (parts.is_pruned()) j["chosen"] = pruned.result;
   j["trials"] = Json::array();
-  for (const eval::Trial& trial : parts_->search.trials) {
+  for (const eval::Trial& trial : parts.search.trials) {
     j["trials"].push_back({{"quality", trial.quality}, {"reached", trial.figure}});
   }
-  j["quality"] = parts_->search.result().quality;
-  j["reached"] = parts_->search.result().figure;
-  j["met"] = parts_->search.result().met;
-  return j;
-}
-
-std::string Refit::text() const {
-  const eval::PrunedScene& pruned = parts_->pruned;
-  std::string t;
-  if (pruned.result < pruned.trials.size()) {
+  const eval::Trial& best = parts.search.result();
+  j["quality"] = best.quality;
+  j["reached"] = best.figure;
+  j["met"] = best.met;
+  outcome->json["refit"] = j;
+  std::string& text = outcome->text;
+  if (parts.is_pruned()) {
     const eval::PruneTrial& trial = pruned.trials[pruned.result];
-    t = format("pruned to %s Gaussians, opacities fitted in %u passes over %zu views to %.2f dB",
-               format_count(trial.kept).c_str(), trial.passes, parts_->views->fit().num_views(),
-               trial.fidelity);
+    text += format("pruned to %s Gaussians, opacities fitted in %u passes over %zu views",
+                   format_count(trial.kept).c_str(), trial.passes, parts.views->fit().num_views());
   } else {
-    t = "nothing pruned: no threshold leaves enough fidelity";
+    text += "nothing pruned: no threshold leaves enough fidelity";
   }
-  const eval::Trial& best = parts_->search.result();
-  return t + format("; %.2f dB at a quality of %.2f dB, in %zu trials, in %s\n", best.figure,
-                    best.quality, parts_->search.trials.size(),
-                    format_seconds(parts_->seconds).c_str());
+  text += format("; %s at a quality of %.2f dB, in %zu trials, in %s\n",
+                 format_bytes(parts.fitted->bytes).c_str(), best.quality,
+                 parts.search.trials.size(), format_seconds(parts.seconds).c_str());
+  if (parts.plain) {
+    text += format("weights alone: %s for %.2f dB%s\n", format_bytes(parts.plain->bytes).c_str(),
+                   parts.plain->fidelity.psnr, parts.is_kept ? "" : ", kept: the fit does not pay");
+  }
 }
 
 }  // namespace l4d::cli

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -9,6 +10,7 @@
 #include "cli/common.h"
 #include "cli/verbs/importance.h"
 #include "eval/encoding.h"
+#include "eval/views.h"
 
 namespace l4d::cli {
 
@@ -18,44 +20,37 @@ struct RefitInput {
   const eval::CameraViews& views;
   const MeasureArguments& measure;
   double fidelity;  // dB that the coded scene is to have
-  uint32_t passes;
-  bool all_views;  // whether a Gaussian that no view shows is dropped
+  bool all_views;   // whether a Gaussian that no view shows is dropped
 };
 
-// What renders of a stream have of a scene's.
-struct CheckedStream {
-  uint64_t views;
-  double fidelity;  // dB
+// What a refit does to an encoder that has the scene and weights of it.
+struct RefitCalls {
+  // Encodes with the weights alone.
+  std::function<eval::Encoding()> encode_plain;
+  // Replaces opacities [N], as the scene has them, and weights [N], of which alpha_t is 0 for those
+  // that go. Both live as long as the refit.
+  std::function<void(const std::vector<float>& opacity, const io::Weights& weights)> replace;
 };
-// In those of `views` by which a refit would be judged.
-CheckedStream check_stream(Context& context, const std::string& name, const io::Scene& scene,
-                           const eval::CameraViews& views,
-                           const std::vector<unsigned char>& stream);
 
-// A scene whose Gaussians were pruned and whose opacities were fitted, in views of the scene. A
-// build without the renderer has one that refuses to be made.
+// Prunes a scene and fits the opacities of what stays, in views of the scene, and encodes it so
+// that its renders have the fidelity that is aimed at. A build without the renderer has one that
+// refuses to be made.
 class Refit {
  public:
-  // weights: of all Gaussians of the scene.
-  Refit(Context& context, const std::string& name, const RefitInput& input,
-        const io::Weights& weights);
+  // Renders the scene in the views of the fit and in those of the check.
+  Refit(Context& context, const std::string& name, const RefitInput& input);
   ~Refit();
   Refit(const Refit&) = delete;
   Refit& operator=(const Refit&) = delete;
 
-  // [N] as the scene has them.
-  const std::vector<float>& opacity() const;
-  // Measured again, of all Gaussians: alpha_t is 0 for those that go.
-  const io::Weights& weights() const;
-  // Encodes the encoder's scene over and over, until its renders have the fidelity. The quality of
-  // the encoder is that of the last.
-  void encode(const EncoderHandle& encoder, eval::Encoding* encoding);
+  // always: also where weights alone are as good. weights: of all Gaussians of the scene.
+  eval::Encoding encode(const EncoderHandle& encoder, const io::Weights& weights, uint32_t passes,
+                        bool always, const RefitCalls& calls);
 
-  double fidelity() const;  // dB aimed at
-  double seconds() const;
-  // After the encode.
-  Json json() const;
-  std::string text() const;
+  double seconds() const;  // but for the encode that is kept
+  // Adds "checked", what renders of the stream have of the scene's in views that no fit used; and
+  // "refit", if there was one.
+  void describe(Outcome* outcome) const;
 
  private:
   struct Parts;

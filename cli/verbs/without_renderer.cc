@@ -15,29 +15,17 @@ Importance measure_importance(Context&, const std::string& verb, const io::Scene
   return {};
 }
 
-CheckedStream check_stream(Context&, const std::string&, const io::Scene&, const eval::CameraViews&,
-                           const std::vector<unsigned char>&) {
-  require_renderer("--cameras");
-  return {};
-}
+struct Refit::Parts {};
 
-struct Refit::Parts {
-  std::vector<float> opacity;
-  io::Weights weights;
-};
-
-Refit::Refit(Context&, const std::string&, const RefitInput&, const io::Weights&) {
-  require_renderer("--refit");
-}
+Refit::Refit(Context&, const std::string&, const RefitInput&) { require_renderer("--refit"); }
 
 Refit::~Refit() = default;
-const std::vector<float>& Refit::opacity() const { return parts_->opacity; }
-const io::Weights& Refit::weights() const { return parts_->weights; }
-void Refit::encode(const EncoderHandle&, eval::Encoding*) {}
-double Refit::fidelity() const { return 0; }
+eval::Encoding Refit::encode(const EncoderHandle&, const io::Weights&, uint32_t, bool,
+                             const RefitCalls&) {
+  return {};
+}
 double Refit::seconds() const { return 0; }
-Json Refit::json() const { return {}; }
-std::string Refit::text() const { return ""; }
+void Refit::describe(Outcome*) const {}
 
 RendersCompared compare_renders(Context&, const Input&, const Input&, const ImportArguments&,
                                 const CameraArguments&, const RenderOptions&,

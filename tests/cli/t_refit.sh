@@ -10,6 +10,11 @@ expect_json out 'd["refit"]["views"] >= 60 and d["quality"] == 36 and "target" n
 expect_json out 'd["refit"]["reached"] >= 36 and d["pruned"] > 0'
 expect_json out 'd["refit"]["thresholds"][d["refit"]["chosen"]]["passes"] == 4'
 expect_json out 'd["steps"]["refit"] == d["refit"]["seconds"] < d["total_s"]'
+expect_json out 'd["refit"]["kept"] and d["checked"]["fidelity"] == d["refit"]["reached"]'
+expect_json out 'd["checked"]["worst_camera"]["fidelity"] <= d["checked"]["fidelity"] >= d["checked"]["worst_instant"]["fidelity"]'
+expect_json out 'd["refit"]["bytes"] == d["file_bytes"] and d["refit"]["weights_alone"]["fidelity"] < 35.5'
+# The errors that are stated are those against the scene.
+expect_json out 'd["max_errors"]["seen_opacity"] > 0.01'
 coded=$(json out 'd["coded_gaussians"]')
 expect 0 encode s.ply --cameras c.json --quality 36 -o again.l4d --threads 3 --refit 4
 cmp d.l4d again.l4d

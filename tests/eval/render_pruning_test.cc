@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
 #include <set>
 
 #include "eval/opacity_fit.h"
@@ -67,28 +69,54 @@ struct Setting {
     Observer observer;
     Rendering rendering;
     rendering.renderer.threads = threads;
-    FittingViews fitting(rendering, scene, views, observer);
+    FittingViews fitting(rendering, scene, views, 64, observer);
     return prune_scene(scene, weights, fitting, {fidelity, passes, false}, observer);
   }
 };
 
+using Chosen = std::set<std::pair<double, size_t>>;
+
+Chosen chosen(const CameraViews& views) {
+  Chosen all;
+  for (const io::View& view : views.views) all.insert({view.time, view.camera});
+  return all;
+}
+
+size_t num_instants(const CameraViews& views) {
+  std::set<double> instants;
+  for (const io::View& view : views.views) instants.insert(view.time);
+  return instants.size();
+}
+
 TEST(DealViews, GivesEveryInstantToTheFitAndOthersToTheCheck) {
   const Setting s;
-  const DealtViews dealt = deal_views(s.views, 6);
-  std::set<double> instants;
-  std::set<std::pair<double, size_t>> fit;
-  for (const io::View& view : dealt.fit.views) {
-    instants.insert(view.time);
-    fit.insert({view.time, view.camera});
+  for (const size_t most : {size_t{1}, size_t{6}, size_t{100}}) {
+    const DealtViews dealt = deal_views(s.views, most);
+    const Chosen fit = chosen(dealt.fit), check = chosen(dealt.check);
+    EXPECT_EQ(num_instants(dealt.fit), 3u);
+    EXPECT_EQ(fit.size(), std::clamp<size_t>(most, 3, 7));
+    EXPECT_GE(check.size(), fit.size() / 2);
+    for (const auto& view : check) EXPECT_EQ(fit.count(view), 0u);
+    if (most == 100) {
+      EXPECT_EQ(fit.size() + check.size(), s.views.views.size());
+    }
   }
-  EXPECT_EQ(instants.size(), 3u);
-  EXPECT_EQ(fit.size(), 6u);
-  EXPECT_EQ(dealt.check.views.size(), 2u);
-  for (const io::View& view : dealt.check.views) EXPECT_EQ(fit.count({view.time, view.camera}), 0u);
-  // One view for each instant at least, and the same to judge by where there is no other.
-  EXPECT_EQ(deal_views(s.views, 1).fit.views.size(), 3u);
-  EXPECT_EQ(deal_views(s.views, 100).fit.views.size(), s.views.views.size());
-  EXPECT_EQ(deal_views(s.views, 100).check.views.size(), s.views.views.size());
+  // One instant at least is checked as all cameras see it that the fit does not use.
+  std::map<double, size_t> at;
+  for (const io::View& view : deal_views(s.views, 3).check.views) ++at[view.time];
+  EXPECT_TRUE(std::any_of(at.begin(), at.end(), [](const auto& a) { return a.second == 4; }));
+}
+
+TEST(DealViews, ChecksByTheViewsOfTheFitWhereThereAreNoOthers) {
+  Setting s;
+  std::vector<io::View> one;
+  for (const io::View& view : s.views.views) {
+    if (view.camera == 0) one.push_back(view);
+  }
+  s.views.views = one;
+  const DealtViews dealt = deal_views(s.views, 100);
+  EXPECT_EQ(chosen(dealt.fit).size(), one.size());
+  EXPECT_EQ(chosen(dealt.check), chosen(dealt.fit));
 }
 
 // Half of the Gaussians of every pile go; the others make up for them.
@@ -97,26 +125,27 @@ TEST(OpacityFit, TakesThePlaceOfWhatIsLeftOut) {
   Observer observer;
   RenderedScene original({}, &s.scene, "original");
   FidelityMeter meter(original, s.views, {}, observer);
-  io::Scene part = s.scene;
   std::vector<uint8_t> kept(s.scene.count());
   for (size_t i = 0; i < kept.size(); ++i) kept[i] = i / (kept.size() / kCopies) % 2;
-  part.keep(kept);
+  const size_t dark = kept.size() / kCopies + 3;  // fourth of the part
+  std::vector<float> contrast(s.scene.count(), 0.3f);
+  contrast[dark] = -1;
+  const Rendering rendering;
+  const SharedLight light = shared_light(rendering, s.views, s.scene, contrast, observer);
+  const std::vector<float> ones(s.scene.count(), 1.0f);
+  OpacityFit fit(rendering, meter, s.scene, light, kept, ones);
   const auto fidelity = [&](const io::Scene& scene) {
     RenderedScene rendered({}, &scene, "part");
     return meter.fidelity(rendered, observer).psnr;
   };
-  const double before = fidelity(part);
-  std::vector<float> contrast(part.count(), 0.3f);
-  contrast[3] = -1;
-  const Rendering rendering;
-  OpacityFit fit(rendering, meter, part, contrast, observer);
-  fit.step(observer);
+  const double before = fidelity(fit.part());
+  fit.pass(observer);
   const double once = fidelity(fit.part());
-  for (int k = 0; k < 4; ++k) fit.step(observer);
+  for (int k = 0; k < 4; ++k) fit.pass(observer);
   EXPECT_GT(once, before + 2);
   EXPECT_GT(fidelity(fit.part()), once + 2);
   EXPECT_EQ(fit.ratios()[3], 1.0f);
-  EXPECT_EQ(fit.part().opacity[3], part.opacity[3]);
+  EXPECT_EQ(fit.part().opacity[3], s.scene.opacity[dark]);
 }
 
 TEST(PruneScene, KeepsTheFidelityWithFewerGaussians) {
