@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <numeric>
 #include <utility>
 
 #include "libl4dcodec/scene/slice.h"
@@ -35,15 +36,25 @@ using Weighted = std::pair<double, double>;  // value, weight
 
 // The smallest value up to which `share` of the weight lies.
 double weighted_quantile(std::vector<Weighted> values, double share) {
-  std::sort(values.begin(), values.end());
-  double total = 0;
-  for (const Weighted& value : values) total += value.second;
-  double sum = 0;
-  for (const Weighted& value : values) {
-    sum += value.second;
-    if (sum >= share * total) return value.first;
+  const auto weight_of = [](auto begin, auto end) {
+    return std::accumulate(begin, end, 0.0,
+                           [](double sum, const Weighted& value) { return sum + value.second; });
+  };
+  double wanted = share * weight_of(values.begin(), values.end());
+  // Halves the range in which it lies: sorting all of it takes ten times as long.
+  auto first = values.begin(), last = values.end();
+  while (last - first > 1) {
+    const auto middle = first + (last - first) / 2;
+    std::nth_element(first, middle, last);
+    const double below = weight_of(first, middle);
+    if (below >= wanted) {
+      last = middle;
+    } else {
+      wanted -= below;
+      first = middle;
+    }
   }
-  return values.back().first;
+  return first->first;
 }
 
 double quantile(const std::vector<Point>& points, double share,
