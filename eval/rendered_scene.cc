@@ -80,15 +80,19 @@ l4d_presentation RenderedScene::presentation() const {
 
 io::Scene RenderedScene::instant(double seconds) const {
   return about(name_, [&] {
+    // Position, opacity, mean time and scales; the last two are added to the slices of streams,
+    // which have ten numbers or more.
+    constexpr uint64_t kNumbers = 3 + 1 + 1 + 4;
+    const auto held = [&](uint64_t bytes) {
+      return io::hold(rendering_.holder, bytes, "an instant");
+    };
     if (members_ != nullptr) {
-      const std::shared_ptr<void> memory =
-          io::hold(rendering_.holder, members_->slice_bytes(seconds), "an instant");
+      const std::shared_ptr<void> memory = held(members_->slice_bytes(seconds) / 2 * 3);
       return instant_of(*members_, seconds);
     }
     const std::shared_ptr<void> memory =
-        io::hold(rendering_.holder,
-                 scene_ != nullptr ? 0 : slice_bytes(decoder_, seconds, decoder_.info().sh_degree),
-                 "an instant");
+        held(scene_ != nullptr ? kNumbers * sizeof(float) * count_
+                               : slice_bytes(decoder_, seconds, decoder_.info().sh_degree) / 2 * 3);
     return scene_ != nullptr ? instant_of(*scene_, seconds) : instant_of(decoder_, seconds);
   });
 }
