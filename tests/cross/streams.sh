@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # usage: streams.sh FOLDER TOOL
 # Encodes the streams that run.sh decodes on other architectures, unless they are newer than TOOL; FOLDER/list
-# names them. As a test of its own it runs before those of the architectures, which share the streams.
+# names them. The tests of all architectures share them; one makes them while the others wait.
 set -euo pipefail
 folder=$(realpath -m "${1:?"usage: streams.sh FOLDER TOOL"}") tool=$(realpath "${2:?}")
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
@@ -17,6 +17,8 @@ encode() {
   "$tool" encode "$scene" "$@" --set prune-weight=-1 -q -f -o "$stream"
 }
 mkdir -p "$folder"
+exec 9>"$folder/lock"
+flock 9
 streams=()
 scene=$folder/scene.ply
 [[ $scene -nt $tool ]] || "$tool" synth --scene cloud --seconds 4 --fps 30 --gaussians 6000 --seed 3 -q -f -o "$scene"
