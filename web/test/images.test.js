@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The view against `l4dcodec render`: 5 times x 3 cameras x 7 scenes, both targets, both back ends. Each time with one
-// camera, and two of the cases of WebGPU, unless L4D_WEB_VIEWS is `all` (./dev web): Chromium draws on the processor here.
+// camera and at half the size, and two of the cases of WebGPU, unless L4D_WEB_VIEWS is `all` (./dev web): Chromium draws on
+// the processor here.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
 import {existsSync, readFileSync, writeFileSync} from 'node:fs';
@@ -8,10 +9,10 @@ import {join} from 'node:path';
 import {after, before, test} from 'node:test';
 import {blankPage, hasWebGpu, launch, serve, work} from './browser.js';
 
-const width = 640, height = 360;
 const tool = /** @type {string} */ (process.env.L4D_TOOL);
 const data = process.env.L4D_DATA_DIR ?? join(process.env.L4D_ROOT ?? '.', '../shared/data');
 const allViews = process.env.L4D_WEB_VIEWS === 'all';
+const scale = allViews ? 1 : 0.5, width = 640 * scale, height = 360 * scale;
 // Of WebGPU: several streams at a time, and all that a stream states of how it is drawn; both targets.
 const always = ['members, 16f', 'drawn, 10'];
 const least = {'16f': 48, 10: 45};  // dB, of the whole picture
@@ -20,7 +21,7 @@ const least = {'16f': 48, 10: 45};  // dB, of the whole picture
 const leastAgreement = 60;
 const mostDifference = 16;
 
-/** A camera at `eye` that looks at `target`, y down. */
+/** A camera of 640 x 360 at `eye` that looks at `target`, y down. */
 const lookAt = (eye, target, focal) => {
   const unit = v => v.map(c => c / Math.hypot(...v));
   const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -28,7 +29,7 @@ const lookAt = (eye, target, focal) => {
   const right = unit(cross(forward, [0, -1, 0]));
   const axes = [right, cross(forward, right), forward];
   const rows = axes.map(a => [...a, -a.reduce((s, c, k) => s + c * eye[k], 0)]);
-  return {K: [[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]], w2c: [...rows, [0, 0, 0, 1]]};
+  return {K: [[focal, 0, 320], [0, focal, 180], [0, 0, 1]], w2c: [...rows, [0, 0, 0, 1]]};
 };
 
 /** Scenes: a real one where it is. */
@@ -55,6 +56,9 @@ const scenes = () => {
   } else {
     console.log(`SKIPPED: images of basketball: no ${trained}; a second made scene instead`);
     list.push({name: 'short', cameras: made, times: [0, 1, 2, 3, 3.9]});
+  }
+  for (const scene of list) {
+    scene.cameras = scene.cameras.map(({K, w2c}) => ({w2c, K: K.map((row, k) => k < 2 ? row.map(v => v * scale) : row)}));
   }
   return list;
 };

@@ -17,7 +17,7 @@ after(async () => browser?.close());
 const withPlayer = async (fn, {faults = {}, options = {}, hash = '', wait = true, noErrors = true,
                                    streams = {}} = {}) => {
   const server = await serve({'scene.l4d': stream, ...streams}, faults);
-  const page = await newPage(browser, {viewport: {width: 480, height: 270}, ...options});
+  const page = await newPage(browser, {viewport: {width: 320, height: 180}, ...options});
   try {
     await page.goto(`${server.url}${hash}`);
     if (wait) {
@@ -288,7 +288,7 @@ test('pointers turn, move and zoom; a tap plays', () => withPlayer(async page =>
   assert.notDeepEqual((await state()).target, first.target);
   await page.mouse.click(60, 60);
   await page.waitForFunction(() => !document.querySelector('l4d-player').movie.paused, undefined, {timeout: 5000});
-}));
+}, {options: {viewport: {width: 480, height: 270}}}));
 
 test('roles, names and focus', () => withPlayer(async page => {
   const unnamed = await inPlayer(page, player => [...player.shadowRoot.querySelectorAll('button, input, select, canvas')]

@@ -39,7 +39,7 @@ const withView = async (t, input, fn) => {
   }
   const browser = await launch();
   try {
-    const page = await newPage(browser, {viewport: {width: 480, height: 270}});
+    const page = await newPage(browser, {viewport: {width: 320, height: 180}});
     await page.goto(url);
     await fn(page);
     assert.deepEqual(page.errors, []);
