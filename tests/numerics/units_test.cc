@@ -54,6 +54,11 @@ TEST_P(Units, BoundsHoldAtEveryScale) {
   } kUnits[] = {{1e-6, 0}, {1e-4, 0}, {1e-3, 0}, {1e-2, 0}, {1, 0},
                 {1, 1e5},  {1e2, 0},  {1e3, 0},  {1e4, 0},  {1e6, 0}};
   for (const auto& [scale, later] : kUnits) {
+#ifdef L4D_SANITIZED
+    // Bounds are measured without sanitizers, too; these see the ends, the middle and what is
+    // refused.
+    if (scale == 1e-4 || scale == 1e-2 || scale == 1e2 || scale == 1e4) continue;
+#endif
     const TestScene other = in_other_units(scene, scale, later);
     const float largest = *std::max_element(other.log_scale.begin(), other.log_scale.end());
     const float smallest = *std::min_element(other.log_scale.begin(), other.log_scale.end());

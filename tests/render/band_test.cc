@@ -137,6 +137,10 @@ TEST(Bands, LimitsChangeNoBit) {
   EXPECT_GT(all.peak, 20 * kMiB);
   for (const uint64_t limit : {12 * kMiB, 3 * kMiB, 3 * kMiB / 2}) {
     for (const uint32_t threads : {1u, 5u}) {
+#ifdef L4D_SANITIZED
+      // Bits are compared without sanitizers, too, which look at each limit once.
+      if ((threads == 1) != (limit == 3 * kMiB)) continue;
+#endif
       const Results within = results_of(scene, limit, threads);
       ASSERT_EQ(within.status, L4D_OK) << within.detail;
       expect_same(all, within);
