@@ -19,7 +19,7 @@ namespace {
 
 // Sanitizers find in fewer steps what they find.
 #ifdef L4D_SANITIZED
-constexpr uint64_t kSteps = 40;
+constexpr uint64_t kSteps = 24;
 #else
 constexpr uint64_t kSteps = 300;
 #endif

@@ -390,13 +390,24 @@ void make_videos(Truth* truth, const std::string& videos, const std::string& fra
   truth->frames = frames;
 }
 
+// Such a truth and its videos, made once.
+struct Videos {
+  test::Folder folder;
+  std::string path = folder / "videos";
+  Truth truth;
+  Videos() { make_videos(&truth, path, folder / "frames"); }
+};
+const Videos& made_videos() {
+  static const Videos made;
+  return made;
+}
+
 // A training has the same bits whatever the layout.
 TEST(Layouts, TrainToTheSameBits) {
   if (!l4d::test::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
-  Truth truth;
   const test::Folder folder;
-  const std::string videos = folder / "videos";
-  make_videos(&truth, videos, folder / "frames");
+  const Truth& truth = made_videos().truth;
+  const std::string& videos = made_videos().path;
   std::vector<Case> cases(std::begin(kCases), std::end(kCases));
   cases.push_back({"n3dv", write_n3dv});
   std::string first;
@@ -500,14 +511,13 @@ TEST(Layouts, TolerateFilesThatAreMissingOrDamaged) {
 // Videos of all names pair with rows in their order.
 TEST(Layouts, N3dvTakesVideosOfAnyName) {
   if (!l4d::test::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
-  Truth truth;
   const test::Folder folder;
-  make_videos(&truth, folder / "videos", folder / "frames");
+  const Truth& truth = made_videos().truth;
+  const auto video_of = [](uint32_t c) { return made_videos().path + "/" + name_of(c) + ".mp4"; };
   write_n3dv(truth, folder / "c");
   const char* const names[kCameras] = {"GX01.MP4", "GX02.mkv", "a.mp4", "b 1.mov", "cam00.mp4"};
   for (uint32_t c = 0; c < kCameras; ++c) {
-    fs::copy_file(folder / ("videos/" + name_of(c) + ".mp4"),
-                  folder / (std::string("c/") + names[c]));
+    fs::copy_file(video_of(c), folder / (std::string("c/") + names[c]));
   }
   write_text(folder / "c/._GX01.MP4", "what some systems leave behind");
   const Capture capture = read_capture(folder / "c", {});
@@ -535,7 +545,7 @@ TEST(Layouts, N3dvTakesVideosOfAnyName) {
   EXPECT_THAT(four.notes, testing::Contains(HasSubstr("camera 2")));
   fs::remove(folder / "c/cam00.mp4");
   write_text(folder / "c/a.mp4", "");
-  fs::copy_file(folder / "videos/cam00.mp4", folder / "c/a0.mp4");
+  fs::copy_file(video_of(0), folder / "c/a0.mp4");
   EXPECT_EQ(read_capture(folder / "c", options).cameras.front().split, "test");
   fs::remove(folder / "c/a0.mp4");
   EXPECT_THROW(read_capture(folder / "c", options), io::Error);

@@ -15,7 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 using test::Folder;
 using test::Listener;
-using test::tiny_run;
+using test::small_run;
 using testing::HasSubstr;
 
 // The bytes of all files below a folder, by path.
@@ -39,7 +39,7 @@ std::string failure_of(const RunOptions& options, RunObserver* observer, l4d_sta
 }
 
 std::string copy_of_capture(const std::string& place) {
-  fs::copy(test::tiny_capture(), place, fs::copy_options::recursive);
+  fs::copy(test::small_capture(), place, fs::copy_options::recursive);
   return place;
 }
 
@@ -58,7 +58,7 @@ const Refused kRefused[] = {
 // A training that replaces a run leaves its files alone until its first step.
 TEST(RunFolder, ARefusedTrainingLeavesTheRunThatWasThere) {
   const Folder folder;
-  RunOptions options = tiny_run(folder / "run", 4);
+  RunOptions options = small_run(folder / "run", 4);
   options.preset = "tiny";
   options.settings.capture = copy_of_capture(folder / "capture");
   Listener listener;
@@ -92,7 +92,7 @@ TEST(RunFolder, ARefusedTrainingLeavesTheRunThatWasThere) {
   std::ofstream(folder / "capture/images/cam03/0004.png") << "no image";
   expect_refused(options, &listener, L4D_ERR_CORRUPT, "0004.png");
 
-  fs::copy(test::tiny_capture(), folder / "capture",
+  fs::copy(test::small_capture(), folder / "capture",
            fs::copy_options::recursive | fs::copy_options::overwrite_existing);
   train(options, &listener);
   EXPECT_FALSE(before == files_in(folder / "run"));
@@ -102,7 +102,7 @@ TEST(RunFolder, ARefusedTrainingLeavesTheRunThatWasThere) {
 // killed while it placed Gaussians.
 TEST(RunFolder, ATrainingThatDidNotBeginLeavesNothing) {
   const Folder folder;
-  RunOptions options = tiny_run(folder / "run", 4);
+  RunOptions options = small_run(folder / "run", 4);
   options.settings.init = "hull";
   Listener listener;
   EXPECT_THAT(failure_of(options, &listener, L4D_ERR_INVALID_ARGUMENT), HasSubstr("hull"));
@@ -133,7 +133,7 @@ class Exhausted : public Listener {
 
 TEST(RunFolder, WhereMemoryRunsOutTheWorkIsKept) {
   const Folder folder;
-  RunOptions options = tiny_run(folder / "whole", 30);
+  RunOptions options = small_run(folder / "whole", 30);
   Listener listener;
   train(options, &listener);
   options.folder = folder / "parts";
@@ -150,7 +150,7 @@ TEST(RunFolder, WhereMemoryRunsOutTheWorkIsKept) {
 // A capture may move, and has to be the same or accepted.
 TEST(RunFolder, TheCaptureOfARunMayMove) {
   const Folder folder;
-  RunOptions options = tiny_run(folder / "run", 20);
+  RunOptions options = small_run(folder / "run", 20);
   options.settings.capture = copy_of_capture(folder / "old");
   Listener stops(10), listener;
   EXPECT_THAT(failure_of(options, &stops, L4D_ERR_CANCELLED), HasSubstr("step 10"));

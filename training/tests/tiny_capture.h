@@ -60,6 +60,23 @@ inline const std::string& tiny_capture() {
   return path;
 }
 
+// Its first 8 frames, of 5 cameras, of which 4 are for training: where bits and files matter, and
+// most of a short training would be to read and to score images.
+inline const std::string& small_capture() {
+  static Folder folder;
+  static std::string path;
+  if (path.empty()) {
+    RenderCaptureOptions options;
+    options.cameras = 5;
+    options.frames = 8;
+    options.width = 64;
+    options.height = 48;
+    render_capture(folder / "capture", tiny_truth(), options);
+    path = folder / "capture";
+  }
+  return path;
+}
+
 // Where the Gaussians of the truth are at their mean times, off by 1 % of the scene.
 inline void write_true_points(const std::string& path) {
   io::Scene truth = tiny_truth();
@@ -89,11 +106,11 @@ inline void write_true_points(const std::string& path) {
   }
 }
 
-// Settings of small trainings on it.
-inline RunOptions tiny_run(const std::string& folder, uint64_t steps) {
+// Settings of small trainings.
+inline RunOptions run_on(const std::string& capture, const std::string& folder, uint64_t steps) {
   RunOptions options;
   options.folder = folder;
-  options.settings.capture = tiny_capture();
+  options.settings.capture = capture;
   options.settings.gaussians = 2000;
   options.settings.sh_degree = 1;
   options.settings.views = 2;
@@ -101,6 +118,13 @@ inline RunOptions tiny_run(const std::string& folder, uint64_t steps) {
   options.settings.init = "frustum";
   options.settings.exposure = "off";
   return options;
+}
+
+inline RunOptions tiny_run(const std::string& folder, uint64_t steps) {
+  return run_on(tiny_capture(), folder, steps);
+}
+inline RunOptions small_run(const std::string& folder, uint64_t steps) {
+  return run_on(small_capture(), folder, steps);
 }
 
 // Hears nothing; ends the run when `steps_left` training updates have come.

@@ -11,6 +11,7 @@ namespace {
 
 using test::Folder;
 using test::Listener;
+using test::small_run;
 using test::tiny_run;
 using ::testing::HasSubstr;
 
@@ -63,7 +64,7 @@ TEST(TrainingNightly, FromTruePoints) {
 // threads.
 TEST(Training, ResumesWithTheSameBits) {
   const Folder folder;
-  RunOptions options = tiny_run(folder / "whole", 120);
+  RunOptions options = small_run(folder / "whole", 120);
   options.settings.exposure = "on";
   Listener listener;
   options.threads = 1;
@@ -83,7 +84,7 @@ TEST(Training, ResumesWithTheSameBits) {
 // Likewise where lives are split, from a checkpoint in the middle of what is summed up for that.
 TEST(Training, SplitsLivesWithTheSameBits) {
   const Folder folder;
-  RunOptions options = tiny_run(folder / "off", 350);
+  RunOptions options = small_run(folder / "off", 350);
   // Half of the rows are free, for halves.
   options.settings.gaussians = 400;
   options.settings.backend = "cpu";  // only the host splits lives
@@ -116,7 +117,7 @@ TEST(Training, SplitsLivesWithTheSameBits) {
 // of these times goes on with the same bits.
 TEST(Training, PrunesForTheCodec) {
   const Folder folder;
-  RunOptions options = tiny_run(folder / "off", 100);
+  RunOptions options = small_run(folder / "off", 100);
   Listener listener;
   const uint64_t all = train(options, &listener).gaussians;
   options.folder = folder / "prune";
@@ -138,7 +139,7 @@ TEST(Training, PrunesForTheCodec) {
 // encodes goes on with the same bits.
 TEST(Training, SettlesOnWhatTheEncoderKeeps) {
   const Folder folder;
-  RunOptions options = tiny_run(folder / "prune", 100);
+  RunOptions options = small_run(folder / "prune", 100);
   options.settings.codec = "prune";
   options.preset = "small";
   Listener listener;
@@ -183,7 +184,7 @@ TEST(Training, ChangesDensityByAnyRule) {
   for (const auto& [rule, every] :
        {Rule("relocate", 50), Rule("gradient", 1), Rule("gradient", 20)}) {
     const std::string name = rule + std::to_string(every);
-    RunOptions options = tiny_run(folder / name, 120);
+    RunOptions options = small_run(folder / name, 120);
     options.settings.density = rule;
     options.settings.density_every = every;
     Listener listener;
@@ -204,7 +205,7 @@ TEST(Training, ChangesDensityByAnyRule) {
 
 TEST(Training, RefusesToReplaceOrMixRuns) {
   const Folder folder;
-  RunOptions options = tiny_run(folder / "run", 6);
+  RunOptions options = small_run(folder / "run", 6);
   Listener listener;
   train(options, &listener);
   EXPECT_THROW(train(options, &listener), io::Error);
@@ -227,7 +228,7 @@ TEST(Training, RefusesToReplaceOrMixRuns) {
 // A damaged checkpoint is named, and the one before it is used; without one the error is about it.
 TEST(Training, GoesOnFromTheCheckpointBefore) {
   const Folder folder;
-  RunOptions options = tiny_run(folder / "run", 40);
+  RunOptions options = small_run(folder / "run", 40);
   options.checkpoint_seconds = 0;  // after each step
   Listener listener;
   train(options, &listener);
