@@ -76,7 +76,7 @@ class LayerBuilder {
       model = make_model(threads, &out.symbols_per_gaussian);
       out.entropy = model->serialize();
     }
-    parallel_for(threads, cuts_.size(), 1, [&](size_t begin, size_t end) {
+    parallel_for(threads, cuts_.size(), grain(), [&](size_t begin, size_t end) {
       StreamEncoder streams(options_.zstd_level);
       ZstdCompressor whole(options_.zstd_level);
       for (size_t p = begin; p < end; ++p) {
@@ -88,6 +88,9 @@ class LayerBuilder {
   }
 
  private:
+  // In pages: what a thread makes for itself may take longer than a page of few Gaussians.
+  size_t grain() const { return 1 + cuts_.size() / 64; }
+
   bool lossless() const { return header_.position == CoordinateCodingId::kRaw32; }
   bool raw() const { return header_.position_of(layer_header_) == CoordinateCodingId::kRaw32; }
   bool fixed() const { return header_.position_of(layer_header_) == CoordinateCodingId::kFixed; }
@@ -103,7 +106,7 @@ class LayerBuilder {
     const std::vector<ChannelSpec> channels = page_channels(header_, layer_header_);
     TokenCounts counts(channels);
     std::mutex mutex;
-    parallel_for(threads, cuts_.size(), 1, [&](size_t begin, size_t end) {
+    parallel_for(threads, cuts_.size(), grain(), [&](size_t begin, size_t end) {
       TokenCounts own(channels);
       uint64_t most = 0;
       for (size_t p = begin; p < end; ++p) {
