@@ -3,25 +3,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <functional>
 #include <optional>
 #include <utility>
 
 #include "io/camera/read_cameras.h"
+#include "io/camera/sight_grid.h"
 #include "io/camera/subject.h"
-#include "io/scene/rotor_math.h"
-#include "libl4dcodec/scene/slice.h"
+#include "io/camera/vectors.h"
 
 namespace l4d::io {
 namespace {
-
-double length(const Vec3& a) { return std::sqrt(dot(a, a)); }
-Vec3 ahead(const Vec3& a, double s, const Vec3& b) {  // a + s b
-  return {a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]};
-}
-Vec3 minus(const Vec3& a, const Vec3& b) { return ahead(a, -1, b); }
-Vec3 unit(const Vec3& a) { return ahead({0, 0, 0}, 1 / length(a), a); }
 
 // ---- from cameras ----
 
@@ -71,156 +63,7 @@ void set_camera(const Vec3& eye, const Vec3& target, const Vec3& up, double fov,
 
 // ---- from the scene ----
 
-constexpr size_t kCells = 48;  // a side of the grid, which reaches to twice the radius
-constexpr double kReach = 2;
-constexpr double kFov = 0.8727;       // 50 degrees, of the height
-constexpr double kConeCosine = 0.89;  // 27 degrees: what is well within the image
-constexpr double kDenseShare = 0.6;   // of the opacity in the ball of the subject
-
-// What stands where: of each cell how much it hides, and how much it shows.
-class Grid {
- public:
-  Grid(const Scene& scene, const Subject& subject)
-      : subject_(subject),
-        cell_(2 * kReach * subject.radius / static_cast<double>(kCells)),
-        depth_(kCells * kCells * kCells),
-        weight_(depth_.size()) {
-    const std::vector<float> position = visible_positions(scene);
-    const bool is_logit = (scene.flags & L4D_OPACITY_LOGIT) != 0;
-    for (size_t i = 0; i < scene.count(); ++i) {
-      Vec3 p;
-      for (size_t k = 0; k < 3; ++k) p[k] = static_cast<double>(position[3 * i + k]);
-      const size_t cell = cell_of(p);
-      const double opacity = linear_opacity(static_cast<double>(scene.opacity[i]), is_logit);
-      if (cell == depth_.size() || !(opacity > 0 && opacity <= 1)) continue;
-      weight_[cell] += opacity;
-      hide(p, opacity, area_of(scene, i) / (cell_ * cell_));
-    }
-    find_dense();
-  }
-
-  // How much of the dense parts is seen from `eye` in the direction of the subject, times how much
-  // of the image is free of what is close to the eye. up: not parallel to that direction.
-  double seen_from(const Vec3& eye, const Vec3& up) const {
-    const Vec3 forward = unit(minus(subject_.center, eye));
-    const double clear = clear_from(eye, forward, up);
-    double sum = 0;
-    for (const auto& [at, weight] : dense_) {
-      const Vec3 way = minus(eye, at);
-      const double distance = length(way);
-      // What is nearer than a quarter of the radius fills the image and shows nothing.
-      if (distance < subject_.radius / 4 || -dot(way, forward) < kConeCosine * distance) continue;
-      sum += weight * std::exp(-depth_between(at, way, distance));
-    }
-    return sum * clear;
-  }
-
-  // How much of the subject is the same on both sides of the upright plane through it that `level`
-  // lies in, from 0 to 1: statues and people have such a plane, and face along it.
-  double symmetry(const Vec3& level, const Vec3& up) const {
-    constexpr int kShifts = 4;  // to both sides, of a twentieth of the radius each
-    const Vec3 across = cross(up, level);
-    double most = 0;
-    for (int shift = -kShifts; shift <= kShifts; ++shift) {
-      double same = 0, all = 0;
-      for (size_t cell = 0; cell < weight_.size(); ++cell) {
-        if (weight_[cell] == 0) continue;
-        const Vec3 at = middle_of(cell), from = minus(at, subject_.center);
-        if (length(from) > 1.1 * subject_.radius) continue;
-        const double side = dot(from, across) - 0.05 * shift * subject_.radius;
-        const size_t other = cell_of(ahead(at, -2 * side, across));
-        if (other < weight_.size()) same += std::sqrt(weight_[cell] * weight_[other]);
-        all += weight_[cell];
-      }
-      if (all > 0) most = std::max(most, same / all);
-    }
-    return most;
-  }
-
- private:
-  // Of 7 x 5 directions of the image, half of the way to the subject.
-  double clear_from(const Vec3& eye, const Vec3& forward, const Vec3& up) const {
-    constexpr double kStep = 0.18;  // tangent: the outermost are 28 and 20 degrees off the axis
-    const Vec3 right = unit(cross(forward, up)), down = cross(forward, right);
-    const double distance = length(minus(subject_.center, eye)) / 2;
-    double sum = 0;
-    for (int k = 0; k < 35; ++k) {
-      const Vec3 way =
-          unit(ahead(ahead(forward, kStep * (k % 7 - 3), right), kStep * (k / 7 - 2), down));
-      double depth = 0;
-      for (double s = 0; s <= distance; s += cell_) {
-        const size_t cell = cell_of(ahead(eye, s, way));
-        if (cell < depth_.size()) depth += depth_[cell];
-      }
-      sum += std::exp(-depth);
-    }
-    return sum / 35;
-  }
-
-  size_t cell_of(const Vec3& p) const {
-    size_t cell = 0;
-    for (size_t k = 0; k < 3; ++k) {
-      const double x = (p[k] - subject_.center[k]) / cell_ + static_cast<double>(kCells) / 2;
-      if (!(x >= 0 && x < static_cast<double>(kCells))) return depth_.size();
-      cell = cell * kCells + static_cast<size_t>(x);
-    }
-    return cell;
-  }
-  // A Gaussian hides its cell, or as it does not fit in there a block of cells, three deep.
-  void hide(const Vec3& p, double opacity, double share) {
-    if (share <= 1) {
-      depth_[cell_of(p)] += opacity * share;
-      return;
-    }
-    const double each = opacity * std::min(1.0, share / 9) / 3;
-    for (int k = 0; k < 27; ++k) {
-      const Vec3 at{p[0] + (k / 9 - 1) * cell_, p[1] + (k / 3 % 3 - 1) * cell_,
-                    p[2] + (k % 3 - 1) * cell_};
-      const size_t cell = cell_of(at);
-      if (cell < depth_.size()) depth_[cell] += each;
-    }
-  }
-  Vec3 middle_of(size_t cell) const {
-    const size_t index[3] = {cell / (kCells * kCells), cell / kCells % kCells, cell % kCells};
-    Vec3 p;
-    for (size_t k = 0; k < 3; ++k) {
-      p[k] = subject_.center[k] +
-             (static_cast<double>(index[k]) + 0.5 - static_cast<double>(kCells) / 2) * cell_;
-    }
-    return p;
-  }
-  void find_dense() {
-    std::vector<size_t> order;
-    double total = 0, sum = 0;
-    for (size_t cell = 0; cell < weight_.size(); ++cell) {
-      if (weight_[cell] == 0) continue;
-      if (length(minus(middle_of(cell), subject_.center)) > subject_.radius) continue;
-      order.push_back(cell);
-      total += weight_[cell];
-    }
-    std::stable_sort(order.begin(), order.end(),
-                     [&](size_t a, size_t b) { return weight_[a] > weight_[b]; });
-    for (size_t k = 0; k < order.size() && sum < kDenseShare * total; ++k) {
-      sum += weight_[order[k]];
-      dense_.emplace_back(middle_of(order[k]), weight_[order[k]]);
-    }
-  }
-  // Optical depth on the way, but for the cells of `at` and next to it.
-  double depth_between(const Vec3& at, const Vec3& way, double distance) const {
-    double depth = 0;
-    for (double s = 1.5 * cell_; s <= distance; s += cell_) {
-      const size_t cell = cell_of(ahead(at, s / distance, way));
-      if (cell == depth_.size()) break;
-      depth += depth_[cell];
-    }
-    return depth;
-  }
-
-  Subject subject_;
-  double cell_;
-  std::vector<double> depth_, weight_;
-  std::vector<std::pair<Vec3, double>> dense_;
-};
+constexpr double kFov = 0.8727;  // 50 degrees, of the height
 
 // Nothing if no Gaussian is visible.
 std::optional<Subject> visible_subject(const Scene& scene) {
@@ -310,7 +153,7 @@ void state_first_view(const CameraSet& set, const Scene& scene, l4d_presentation
   const std::optional<Subject> subject = visible_subject(scene);
   if (!subject) return state_first_view(cameras, 1, presentation);
   if (cameras.empty()) return;
-  const Grid grid(scene, *subject);
+  const SightGrid grid(scene, *subject);
   const Vec3 up = common_up(cameras);
   state_view_of(
       cameras, subject->radius, up,
@@ -319,7 +162,8 @@ void state_first_view(const CameraSet& set, const Scene& scene, l4d_presentation
         const Vec3 way = minus(subject->center, eye);
         const double faces = length(way) > 0 ? dot(row_of(camera, 2), unit(way)) : 0;
         // One that looks elsewhere shows it at the edge, or not at all.
-        return faces < 0.5 ? faces - 1 : faces * grid.seen_from(eye, row_of(camera, 1));
+        return faces < 0.5 ? faces - 1
+                           : faces * grid.seen_from(eye, subject->center, row_of(camera, 1));
       },
       presentation);
 }
@@ -328,7 +172,7 @@ void state_first_view(const Scene& scene, l4d_presentation* presentation) {
   const std::optional<Subject> visible = visible_subject(scene);
   if (!visible) return;
   const Subject& subject = *visible;
-  const Grid grid(scene, subject);
+  const SightGrid grid(scene, subject);
   const Vec3& up = subject.up;
   const Vec3 across{1, 0, 0}, along = cross(up, across);
   const double fits = subject.radius / std::sin(kFov / 2);
@@ -344,7 +188,7 @@ void state_first_view(const Scene& scene, l4d_presentation* presentation) {
       for (const double elevation : {0.15, 0.45}) {
         const Vec3 eye = ahead(ahead(subject.center, distance * std::cos(elevation), level),
                                distance * std::sin(elevation), up);
-        const double seen = faces * grid.seen_from(eye, up);
+        const double seen = faces * grid.seen_from(eye, subject.center, up);
         if (seen <= most) continue;
         most = seen;
         best = eye;
