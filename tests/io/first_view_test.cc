@@ -14,13 +14,25 @@ double distance(const double* a, const Vec3& b) {
   return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 }
 
+void set_stated_view(l4d_presentation* p, const Vec3& eye, const Vec3& target) {
+  std::copy_n(eye.begin(), 3, p->camera_position);
+  std::copy_n(target.begin(), 3, p->camera_target);
+  p->camera_up[1] = -1;
+  p->camera_fov = 0.8;
+  p->has_camera = 1;
+}
+
 l4d_camera looking(const Vec3& eye, const Vec3& target) {
   l4d_presentation p = default_presentation();
-  std::copy_n(eye.begin(), 3, p.camera_position);
-  std::copy_n(target.begin(), 3, p.camera_target);
-  p.camera_up[1] = -1;
-  p.camera_fov = 0.8;
+  set_stated_view(&p, eye, target);
   return camera_of(p, 64, 48);
+}
+
+Vec3 eye_of(const l4d_camera& camera) {
+  const double* m = camera.world_to_camera;
+  Vec3 eye;
+  for (size_t c = 0; c < 3; ++c) eye[c] = -(m[c] * m[3] + m[4 + c] * m[7] + m[8 + c] * m[11]);
+  return eye;
 }
 
 // Adds `count` Gaussians in a ball, or on the walls of one.
@@ -227,6 +239,33 @@ TEST(FirstView, WithoutCamerasSeesTheDenseParts) {
   p = default_presentation();
   state_first_view(nothing, &p);
   EXPECT_EQ(p.has_camera, 0U);
+}
+
+// What is seen from within is circled within its walls, however near to them the stated view is.
+TEST(OrbitCameras, StayWithinAPlace) {
+  Scene room = empty_scene();
+  add_ball(&room, 3000, {0, 0, 0}, 0.5, 0.03, 0.9F);
+  add_ball(&room, 9000, {0, 0, 0}, 2, 0.1, 0.95F, true);
+  for (size_t i = 3000; i < room.count(); ++i) room.position[3 * i] *= 0.6F;  // narrow along x
+  const auto distances = [&](double from) {
+    l4d_presentation& p = room.presentation;
+    p = default_presentation();
+    set_stated_view(&p, {0, 0, from}, {0, 0, 0});
+    double least = 1e9, most = 0;
+    for (const Camera& camera : orbit_cameras(room, 30, 64, 48).cameras) {
+      const Vec3 eye = eye_of(camera.camera);
+      const double inside = std::hypot(eye[0] / 0.6, eye[1], eye[2]);  // 2 on the walls
+      least = std::min(least, distance(eye.data(), {0, 0, 0}));
+      most = std::max(most, inside);
+    }
+    return std::pair(least, most);
+  };
+  for (const double from : {-1.8, 1.0}) {
+    const auto [least, most] = distances(from);
+    EXPECT_GT(least, 0.5) << from;
+    EXPECT_LT(most, 1.95) << from;
+  }
+  EXPECT_GT(distances(-7).first, 2.5) << "an object";
 }
 
 }  // namespace
