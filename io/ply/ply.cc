@@ -192,6 +192,18 @@ void PlyReader::next_token(const PlyElement& where) {
   }
 }
 
+void PlyReader::next_value(const PlyElement& element, uint64_t row, bool is_first) {
+  next_token(element);
+  if (is_first && line_ == row_line_) {
+    fail_value(element, row, "the row before has more values than properties");
+  }
+  if (!is_first && line_ != row_line_) {
+    line_ = row_line_;
+    fail_value(element, row, "fewer values than properties");
+  }
+  row_line_ = line_;
+}
+
 uint64_t PlyReader::list_length(const PlyProperty& property) {
   uint8_t bytes[8];
   const size_t size = size_of(property.count_type);
@@ -207,14 +219,16 @@ uint64_t PlyReader::list_length(const PlyProperty& property) {
 void PlyReader::skip_rows(const PlyElement& element) {
   if (header_.format == PlyFormat::kAscii) {
     for (uint64_t row = 0; row < element.count; ++row) {
+      bool is_first = true;
       for (const PlyProperty& property : element.properties) {
-        next_token(element);
+        next_value(element, row, is_first);
+        is_first = false;
         if (!property.is_list) continue;
         uint64_t length = 0;
         if (!parse_whole(token_, token_ + token_size_, &length)) {
           fail_value(element, row, "bad list length");
         }
-        for (uint64_t i = 0; i < length; ++i) next_token(element);
+        for (uint64_t i = 0; i < length; ++i) next_value(element, row, false);
       }
     }
     return;
@@ -272,7 +286,7 @@ void PlyReader::read_ascii_rows(const std::vector<PlyColumn>& columns) {
   for (const PlyColumn& column : columns) wanted[column.property].push_back(&column);
   for (uint64_t row = 0; row < target.count; ++row) {
     for (size_t p = 0; p < target.properties.size(); ++p) {
-      next_token(target);
+      next_value(target, row, p == 0);
       float as_float = 0;
       double as_double = 0;
       if (!parse_value(target.properties[p].type, token_, token_ + token_size_, &as_float,
@@ -299,6 +313,19 @@ void PlyReader::read_rows(const std::vector<PlyColumn>& columns) {
     read_ascii_rows(columns);
   } else {
     read_binary_rows(columns);
+  }
+}
+
+void PlyReader::finish() {
+  for (; next_ < header_.elements.size(); ++next_) skip_rows(header_.elements[next_]);
+  const uint64_t end = consumed_;
+  while (begin_ != end_ || refill()) {
+    if (!is_blank(buffer_[begin_])) {
+      fail(L4D_ERR_CORRUPT,
+           std::to_string(file_.size() - end) + " bytes follow the rows that the header states");
+    }
+    ++begin_;
+    ++consumed_;
   }
 }
 

@@ -72,6 +72,9 @@ class PlyReader {
   const std::string& path() const { return file_.path(); }
   const PlyElement& element() const { return header_.elements[target_]; }
   void read_rows(const std::vector<PlyColumn>& columns);  // all rows; once
+  // Skips the elements that are left. Fails where anything but blanks follows them: the rows are
+  // not those that the header states.
+  void finish();
   // Makes another element the one that read_rows() reads: none at or before one that was read. Its
   // count may be trusted too when this returns.
   void select(const std::string& element);
@@ -97,6 +100,8 @@ class PlyReader {
   uint64_t list_length(const PlyProperty& property);
   // Next word of an ascii body. `where` names the row in the message when there is none.
   void next_token(const PlyElement& where);
+  // The same of a row, which has a line to itself. is_first: of the row.
+  void next_value(const PlyElement& element, uint64_t row, bool is_first);
   [[noreturn]] void fail_value(const PlyElement& element, uint64_t row, const char* what) const;
 
   InputFile file_;
@@ -109,6 +114,7 @@ class PlyReader {
   size_t end_ = 0;
   uint64_t consumed_ = 0;  // bytes handed out so far
   uint64_t line_ = 1;      // of the header, and of an ascii body
+  uint64_t row_line_ = 0;  // of the row that was read last in an ascii body
   char token_[64] = {};
   size_t token_size_ = 0;
 };

@@ -74,11 +74,4 @@ std::string npy_rows(const std::vector<double>& row, size_t count) {
   return bytes;
 }
 
-// `text` with its first `from` replaced.
-inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return at == std::string::npos ? text : text.replace(at, from.size(), to);
-}
-
 }  // namespace l4d::io::test

@@ -63,8 +63,8 @@ TEST_F(PlyTest, EveryTypeInEveryFormat) {
 }
 
 TEST_F(PlyTest, AsciiSpecialNumbers) {
-  const std::string file = write(
-      "a.ply", test::ply_header("ascii", {}, 6, {"x"}) + "nan inf -inf +2.5 1e-50 3.4028235e38\n");
+  const std::string file = write("a.ply", test::ply_header("ascii", {}, 6, {"x"}) +
+                                              "nan\ninf\n-inf\n+2.5\n1e-50\n3.4028235e38\n");
   const std::vector<float> x = read_column(file, "x");
   EXPECT_TRUE(std::isnan(x[0]));
   EXPECT_EQ(x[1], std::numeric_limits<float>::infinity());
@@ -214,6 +214,46 @@ TEST_F(PlyTest, EveryChangedByteReadsOrFailsCleanly) {
       }
     }
   }
+}
+
+TEST_F(PlyTest, RowsOfTextHaveALineEach) {
+  const std::string head =
+      "ply\nformat ascii 1.0\nelement f 1\nproperty list uchar int i\nelement vertex 2\n"
+      "property float x\nproperty int y\nend_header\n";
+  EXPECT_EQ(read_status(head + "2 5 6\n\n1.5 3\n\n2.5 4"), L4D_OK);
+  const struct {
+    const char *rows, *message;
+  } cases[] = {{"2 5 6\n1.5 3 9\n2.5 4 9\n", "line 10, element vertex, row 1: the row before"},
+               {"2 5 6\n1.5\n3 2.5 4\n", "line 10, element vertex, row 0: fewer"},
+               {"2 5 6 1.5 3\n2.5 4\n", "line 9, element vertex, row 0: the row before"},
+               {"2 5\n6\n1.5 3\n2.5 4\n", "line 9, element f, row 0: fewer"}};
+  for (const auto& c : cases) {
+    std::string message;
+    EXPECT_EQ(read_status(head + c.rows, &message), L4D_ERR_CORRUPT) << c.rows;
+    EXPECT_NE(message.find(c.message), std::string::npos) << message;
+  }
+}
+
+TEST_F(PlyTest, WhatFollowsTheRowsIsRefused) {
+  const std::string ascii =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nelement f 1\n"
+      "property list uchar int i\nend_header\n1\n";
+  std::string binary = test::replaced(ascii, "ascii", "binary_little_endian");
+  binary = binary.substr(0, binary.size() - 2) + std::string("\0\0\0\0\1", 5);
+  const auto finished = [&](const std::string& text) {
+    return test::status_of([&] {
+      PlyReader reader(InputFile(write("end.ply", text)), "vertex");
+      reader.read_rows({});
+      reader.finish();
+    });
+  };
+  EXPECT_EQ(finished(ascii + "2 5 6\n \r\n"), L4D_OK);
+  EXPECT_EQ(finished(ascii + "2 5\n"), L4D_ERR_CORRUPT);
+  EXPECT_EQ(finished(ascii + "2 5 6\n7\n"), L4D_ERR_CORRUPT);
+  EXPECT_EQ(finished(binary + std::string(4, 0)), L4D_OK);
+  EXPECT_EQ(finished(binary + std::string(4, 0) + "\n"), L4D_OK);
+  EXPECT_EQ(finished(binary + std::string(3, 0)), L4D_ERR_CORRUPT);
+  EXPECT_EQ(finished(binary + std::string(5, 0)), L4D_ERR_CORRUPT);
 }
 
 TEST_F(PlyTest, AbsurdCountsAreRefusedBeforeAllocation) {

@@ -65,6 +65,13 @@ void append(std::string& bytes, T value, bool big_endian = false) {
   }
 }
 
+// `text` with its first `from` replaced.
+inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return at == std::string::npos ? text : text.replace(at, from.size(), to);
+}
+
 inline std::string ply_header(const std::string& format, const std::vector<std::string>& comments,
                               size_t count, const std::vector<std::string>& properties) {
   std::string text = "ply\nformat " + format + " 1.0\n";
