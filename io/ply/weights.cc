@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/ply/weights.h"
 
+#include <algorithm>
 #include <new>
 
 #include "io/ply/ply.h"
@@ -59,9 +60,17 @@ Weights read_weights(const std::string& path, const Hold& holder) {
     columns.push_back(column);
     present.push_back(known);
   }
+  for (const PlyProperty& property : reader.element().properties) {
+    const auto is_known = [&](const Column& c) { return property.name == c.property; };
+    if (property.name.rfind("weight_", 0) == 0 &&
+        std::none_of(std::begin(kColumns), std::end(kColumns), is_known)) {
+      reader.fail(L4D_ERR_FEATURE_UNSUPPORTED, "property " + property.name + " is no known weight");
+    }
+  }
   if (columns.empty()) reader.fail(L4D_ERR_CORRUPT, "there is no property of weights");
   weights.sh_is_clamped = !weights.sh.empty() && !reader.element().has("weight_sh");
   reader.read_rows(columns);
+  reader.finish();
   for (const Column& column : present) {
     const std::vector<float>& values = weights.*column.values;
     for (size_t i = 0; i < values.size(); ++i) {
