@@ -42,8 +42,7 @@ void make_static(const std::vector<float>& rotation, Scene& scene) {
     if (!std::isfinite(length)) scene.rotor[8 * i] = std::numeric_limits<float>::quiet_NaN();
   }
   note_unturned(rotation, scene);
-  scene.notes.push_back(
-      "Static Gaussians last 16 times the sequence: their opacity varies by less than 0.05 %.");
+  scene.notes.push_back(kStaticNote);
 }
 
 Scene read_3dgs_ply(PlyReader& reader, const ImportOptions& options) {
@@ -65,7 +64,7 @@ Scene read_3dgs_ply(PlyReader& reader, const ImportOptions& options) {
   columns.add("opacity", scene.opacity.data(), 0, 1);
   columns.add_sh(sh);
   columns.read();
-  settle_rows(options, scene);
+  settle_rows(reader, options, scene);
 
   make_static(quaternion, scene);
   return scene;

@@ -55,7 +55,7 @@ Scene read_ftgs_ply(PlyReader& reader, const ImportOptions& options) {
   }
   columns.add_sh(sh);
   columns.read();
-  settle_rows(options, scene);
+  settle_rows(reader, options, scene);
   note_unturned(quaternion, scene);
   raise_flat_scales(scene);
 

@@ -81,7 +81,7 @@ Scene read_rt4dgs_ply(PlyReader& reader, const ImportOptions& options) {
   columns.add("opacity", scene.opacity.data(), 0, 1);
   columns.add_sh(sh);
   columns.read();
-  settle_rows(options, scene);
+  settle_rows(reader, options, scene, 4);
   note_unturned(left, scene);
   note_unturned(right, scene);
   raise_flat_scales(scene);

@@ -68,7 +68,7 @@ void set_timeline(const PlyReader& reader, const ImportOptions& options, Scene& 
 // Of the sequence, from 0 to 1. Times beyond are seconds.
 void normalise_times(SpacetimeRows& rows, Scene& scene) {
   const size_t count = scene.count();
-  const auto inside = [](float t) { return t >= 0 && t <= 1; };
+  const auto inside = [](float t) { return !(t < 0 || t > 1); };
   if (std::all_of(rows.center.begin(), rows.center.begin() + static_cast<long>(count), inside)) {
     scene.notes.push_back("Times from 0 to 1 are taken as parts of the sequence.");
     return;
@@ -86,7 +86,9 @@ void normalise_times(SpacetimeRows& rows, Scene& scene) {
       }
     }
   }
-  scene.notes.push_back("Times beyond 1 are taken as seconds from the beginning of the sequence.");
+  scene.notes.push_back(
+      "Times are not all from 0 to 1: they are taken as seconds from the beginning of the "
+      "sequence.");
 }
 
 }  // namespace
@@ -125,7 +127,12 @@ Scene read_stg_ply(PlyReader& reader, const ImportOptions& options) {
   columns.add(names.width, stg.log_width.data(), 0, 1);
   columns.add_sh(sh);
   columns.read();
-  settle_rows(options, scene);
+  settle_rows(reader, options, scene);
+  if (options.activated) {
+    for (float& width : stg.log_width) {
+      width = static_cast<float>(std::log(static_cast<double>(width)));
+    }
+  }
   note_unturned(stg.quaternion, scene);
   raise_flat_scales(scene);
   if (names.colors_are_rgb) {

@@ -2,6 +2,7 @@
 // What the rows of foreign files hold beside usual numbers.
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "io/ply/read_ply.h"
 
@@ -10,22 +11,55 @@ namespace {
 
 float log_of(float x) { return static_cast<float>(std::log(static_cast<double>(x))); }
 
-bool looks_activated(const Scene& scene) {
-  if (scene.count() == 0) return false;
-  const auto is_opacity = [](float o) { return o >= 0 && o <= 1; };
-  if (!std::all_of(scene.opacity.begin(), scene.opacity.end(), is_opacity)) return false;
-  for (size_t i = 0; i < scene.count(); ++i) {
-    for (size_t k = 0; k < 3; ++k) {
-      if (!(scene.log_scale[4 * i + k] > 0)) return false;
-    }
-  }
-  return true;
+// Of one column or several: nearly all, since a few rows may be broken.
+template <typename Is>
+bool are_nearly_all(size_t count, const Is& is) {
+  size_t good = 0;
+  for (size_t i = 0; i < count; ++i) good += is(i) ? 1U : 0U;
+  return count > 0 && good >= count - count / 100;
 }
 
-void take_activated(Scene& scene) {
+// The note, or "".
+std::string activated_note(const Scene& scene) {
+  const size_t count = scene.count();
+  const bool opacities = are_nearly_all(count, [&](size_t i) {
+    const float o = scene.opacity[i];
+    return o >= 0 && o <= 1.001F;
+  });
+  const bool scales = are_nearly_all(
+      3 * count, [&](size_t k) { return scene.log_scale[4 * (k / 3) + k % 3] >= 0; });
+  // In a scene of large numbers logarithms are positive, too.
+  constexpr float kLargest = 2;
+  const bool lengths = scales && are_nearly_all(3 * count, [&](size_t k) {
+                         return scene.log_scale[4 * (k / 3) + k % 3] < kLargest;
+                       });
+  if (opacities && scales) {
+    return "Opacities are from 0 to 1 and scales are positive, as in files that have opacities and "
+           "lengths where logits and logarithms belong; --activated reads them so.";
+  }
+  // One of the two alone may be so by chance where there are few.
+  constexpr size_t kMany = 100;
+  if (count < kMany) return "";
+  if (opacities) {
+    return "Opacities are from 0 to 1, as in files that have opacities where logits belong; they "
+           "were read as logits.";
+  }
+  if (lengths) {
+    return "Scales are positive, as in files that have lengths where logarithms belong; they were "
+           "read as logarithms.";
+  }
+  return "";
+}
+
+void take_activated(const PlyReader& reader, size_t num_scales, Scene& scene) {
   for (size_t i = 0; i < scene.count(); ++i) {
-    for (size_t k = 0; k < 3; ++k) {
+    for (size_t k = 0; k < num_scales; ++k) {
       float& scale = scene.log_scale[4 * i + k];
+      if (scale < 0) {
+        reader.fail(L4D_ERR_INVALID_SCENE, "Gaussian " + std::to_string(i) + " has a scale of " +
+                                               std::to_string(scale) +
+                                               ", which is no length: --activated does not fit");
+      }
       scale = log_of(scale);
     }
     float& opacity = scene.opacity[i];
@@ -49,13 +83,12 @@ void note_unturned(const std::vector<float>& quaternion, Scene& scene) {
       "Rotations of length 0, which are taken as none: " + std::to_string(unturned) + ".");
 }
 
-void settle_rows(const ImportOptions& options, Scene& scene) {
+void settle_rows(const PlyReader& reader, const ImportOptions& options, Scene& scene,
+                 size_t num_scales) {
   if (options.activated) {
-    take_activated(scene);
-  } else if (looks_activated(scene)) {
-    scene.notes.push_back(
-        "All opacities are from 0 to 1 and all scales are positive, as in files that have "
-        "opacities and lengths where logits and logarithms belong; --activated reads them so.");
+    take_activated(reader, num_scales, scene);
+  } else if (const std::string note = activated_note(scene); !note.empty()) {
+    scene.notes.push_back(note);
   }
   size_t infinite = 0;
   for (float& opacity : scene.opacity) {
