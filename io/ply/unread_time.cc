@@ -35,11 +35,17 @@ constexpr const char* kNextStep =
 bool begins(const std::string& text, const char* with) { return text.rfind(with, 0) == 0; }
 
 // Whether a column of this name is about time in all likelihood.
-bool speaks_of_time(const std::string& name) {
-  static constexpr const char* kWhole[] = {"t", "time", "timestamp", "mu_t", "duration"};
-  static constexpr const char* kBegin[] = {"t_",     "time_",     "velocity",    "motion",
-                                           "omega",  "trbf",      "scale_t",     "scaling_t",
-                                           "rot_r_", "duration_", "log_duration"};
+bool speaks_of_time(std::string name) {
+  static constexpr const char* kWhole[] = {"t",     "time",  "mu_t", "duration", "lifetime",
+                                           "birth", "death", "vx",   "vy",       "vz"};
+  static constexpr const char* kBegin[] = {
+      "t_",         "time_",     "timestamp",   "temporal", "velocity",     "linear_velocity",
+      "motion",     "omega",     "trbf",        "scale_t",  "scaling_t",    "angular_velocity",
+      "rot_r_",     "duration_", "cov_t",       "keyframe", "log_duration", "frame_index",
+      "marginal_t", "opacity_t", "visible_from"};
+  std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) {
+    return static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
+  });
   return std::any_of(std::begin(kWhole), std::end(kWhole),
                      [&](const char* whole) { return name == whole; }) ||
          std::any_of(std::begin(kBegin), std::end(kBegin),
@@ -56,6 +62,8 @@ void refuse_unread_time(const PlyReader& reader) {
   std::vector<std::string> names;
   for (const PlyProperty& property : reader.element().properties) {
     if (speaks_of_time(property.name)) names.push_back(property.name);
+    // A fourth scale, or a second quaternion.
+    if (property.name == "scale_3" || property.name == "rot_4") names.push_back(property.name);
   }
   if (names.empty()) return;
   reader.fail(L4D_ERR_FEATURE_UNSUPPORTED,
