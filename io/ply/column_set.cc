@@ -28,7 +28,9 @@ void note_coarse_positions(Scene& scene) {
     extent = std::max(extent, static_cast<double>(high) - static_cast<double>(low));
     far = std::max({far, std::fabs(low), std::fabs(high)});
   }
-  if (extent == 0 || static_cast<double>(far) < 1000 * extent) return;
+  // Of points that fall together all of it may be lost.
+  if (scene.count() < 2 || static_cast<double>(far) < 1000 * extent) return;
+  if (extent == 0 && far < 1e6F) return;
   const double step = static_cast<double>(std::nextafter(far, kInfinity) - far);
   char text[200];
   std::snprintf(text, sizeof(text),
@@ -73,7 +75,13 @@ size_t ColumnSet::require(const std::string& property) {
     reader_.fail(L4D_ERR_CORRUPT, "property " + property + " is missing");
   }
   const PlyType type = reader_.element().properties[index].type;
-  if (type != PlyType::kInt16 && type != PlyType::kUint16) return index;
+  if (type >= PlyType::kFloat16) return index;
+  if (type != PlyType::kInt16 && type != PlyType::kUint16) {
+    if (std::find(integers_.begin(), integers_.end(), property) == integers_.end()) {
+      integers_.push_back(property);
+    }
+    return index;
+  }
   if (reader_.header().format == PlyFormat::kAscii) {
     reader_.fail(L4D_ERR_FEATURE_UNSUPPORTED,
                  "property " + property + " is of a 16-bit integer type (short or ushort), which " +
@@ -174,6 +182,10 @@ void ColumnSet::read() {
     scene_.notes.push_back(std::to_string(halves_) +
                            " properties are of a 16-bit integer type; their bits are read as "
                            "binary16, which some programs write under that name.");
+  }
+  if (!integers_.empty()) {
+    scene_.notes.push_back("Properties of an integer type, whose numbers are taken as they are: " +
+                           list_of_names(integers_) + ".");
   }
   note_unread();
 }

@@ -50,9 +50,10 @@ class ColumnSet {
   PlyReader& reader_;
   Scene& scene_;
   std::vector<PlyColumn> columns_;
-  size_t halves_ = 0;        // properties of 16-bit integers, taken for binary16
-  bool has_floats_ = false;  // positions
-  bool has_colors_ = false;  // red, green and blue in place of f_dc
+  size_t halves_ = 0;                  // properties of 16-bit integers, taken for binary16
+  std::vector<std::string> integers_;  // names of properties of other integers
+  bool has_floats_ = false;            // positions
+  bool has_colors_ = false;            // red, green and blue in place of f_dc
   PlyType color_type_ = PlyType::kUint8;
   std::vector<double> positions_;  // [N, 3], else empty
   std::vector<double> times_;      // [N], else empty
