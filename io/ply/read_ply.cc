@@ -48,6 +48,18 @@ void set_default_timeline(Scene& scene, const ImportOptions& options) {
 }
 
 void read_placement(const PlyReader& reader, Scene& scene) {
+  static constexpr const char* kKnown[] = {"l4d_ply",         "l4d_origin",    "l4d_scale",
+                                           "l4d_coordinates", "l4d_rendering", "l4d_color_space",
+                                           "l4d_presentation"};
+  for (const std::string& text : reader.header().comments) {
+    const std::string key = text.substr(0, text.find_first_of(" \t"));
+    const auto is_key = [&](const char* known) { return key == known; };
+    if (key.rfind("l4d_", 0) != 0 || std::any_of(std::begin(kKnown), std::end(kKnown), is_key)) {
+      continue;
+    }
+    scene.notes.push_back("The comment " + list_of_names({key}) +
+                          " is not known and was not read.");
+  }
   from_comments(reader, [&](const TextOf& text_of) { read_stated_placement(text_of, &scene); });
 }
 
@@ -100,6 +112,21 @@ Scene read_scene(PlyReader& reader, const ImportOptions& options) {
 
 namespace {
 
+// Of formats that state no unit of time: milliseconds or frames show nothing in a sequence of
+// seconds.
+void note_far_times(Scene& scene) {
+  if (scene.source == "l4d_ply" || scene.count() == 0) return;
+  const double begin = scene.timeline.time_begin, length = duration(scene.timeline);
+  const auto [low, high] = std::minmax_element(scene.mean_t.begin(), scene.mean_t.end());
+  const double first = static_cast<double>(*low), last = static_cast<double>(*high);
+  if (!(first < begin - length || last > begin + 2 * length)) return;
+  char text[160];
+  std::snprintf(text, sizeof(text),
+                "Gaussians have their middle from %g to %g s; the sequence lasts from %g to %g s.",
+                first, last, begin, begin + length);
+  scene.notes.push_back(text);
+}
+
 // What any reader makes of the rows: attributes, and positions, times and shapes as double, once
 // more while they are converted.
 uint64_t scene_bytes(PlyReader& reader) {
@@ -119,6 +146,8 @@ Scene read_scene_ply(const std::string& path, const ImportOptions& options) {
     PlyReader reader(InputFile(path, options.holder), "vertex");
     std::shared_ptr<void> memory = hold(options.holder, scene_bytes(reader), path);
     Scene scene = read_scene(reader, options);
+    reader.finish();
+    note_far_times(scene);
     scene.memory = std::move(memory);
     return scene;
   } catch (const std::bad_alloc&) {

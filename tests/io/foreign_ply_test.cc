@@ -32,7 +32,8 @@ class ForeignPlyTest : public test::IoTest {
 TEST_F(ForeignPlyTest, UnreadPropertiesAndElementsAreNamed) {
   const Scene scene = read_scene_ply(
       write("a.ply", with({"nx", "ny", "nz", "segment_0", "segment_1", "segment_2", "segment_3"},
-                          "element camera 7\nproperty float px\n")));
+                          "element camera 7\nproperty float px\n") +
+                         "0\n0\n0\n0\n0\n0\n0\n"));
   ASSERT_GE(scene.notes.size(), 3U);
   EXPECT_EQ(scene.notes[1],
             "7 of 21 properties were not read: nx, ny, nz, segment_0 .. segment_3.");
@@ -165,6 +166,45 @@ TEST_F(ForeignPlyTest, ValuesThatLookActivatedAreSaidToAndReadSo) {
   EXPECT_NEAR(scene.log_scale[4], std::log(0.1), 1e-6);
   EXPECT_NEAR(scene.opacity[1], std::log(3), 1e-6);
   EXPECT_FALSE(has_note(read_scene_ply(write("b.ply", table(kStatic, {kRow}))), "--activated"));
+  EXPECT_EQ(test::status_of([&] { read_scene_ply(path("b.ply"), options); }),
+            L4D_ERR_INVALID_SCENE);
+}
+
+// One broken row hides nothing, and each of the two columns is judged.
+TEST_F(ForeignPlyTest, MostValuesDecideWhetherTheyLookActivated) {
+  std::vector<double> activated = kRow;
+  activated[10] = 0.1, activated[11] = 0.01, activated[12] = 0.5, activated[13] = 0.75;
+  const auto notes_of = [&](std::vector<std::vector<double>> rows, size_t column, double value) {
+    rows[7][column] = value;
+    return read_scene_ply(write("m.ply", table(kStatic, rows)));
+  };
+  const std::vector<std::vector<double>> all(100, activated);
+  EXPECT_TRUE(has_note(notes_of(all, 11, 0), "--activated reads them so"));
+  EXPECT_TRUE(has_note(notes_of(all, 13, 1.0000001), "--activated reads them so"));
+  std::vector<double> half = kRow;
+  half[13] = 0.75;
+  EXPECT_TRUE(has_note(notes_of(std::vector<std::vector<double>>(100, half), 13, 0.5),
+                       "they were read as logits"));
+  half = activated;
+  half[13] = -3;
+  EXPECT_TRUE(has_note(notes_of(std::vector<std::vector<double>>(100, half), 13, -2),
+                       "they were read as logarithms"));
+}
+
+TEST_F(ForeignPlyTest, IntegersUnknownCommentsAndFarTimesAreNamed) {
+  std::string text = table(kStatic, {kRow});
+  text = test::replaced(text, "property float opacity", "property uchar opacity");
+  text = test::replaced(text, " 0.250000", " 200");
+  text = test::replaced(text, "element vertex", "comment l4d_orgin 1 2 3\nelement vertex");
+  const Scene scene = read_scene_ply(write("i.ply", text));
+  EXPECT_TRUE(has_note(scene, "an integer type, whose numbers are taken as they are: opacity."));
+  EXPECT_TRUE(has_note(scene, "The comment l4d_orgin is not known and was not read."));
+  std::vector<std::string> names = kStatic;
+  names.insert(names.end(), {"trbf_center", "trbf_scale"});
+  std::vector<double> row = kRow;
+  row.insert(row.end(), {500, -1});
+  EXPECT_TRUE(has_note(read_scene_ply(write("t.ply", table(names, {row}))),
+                       "the sequence lasts from 0 to 1 s"));
 }
 
 TEST_F(ForeignPlyTest, ColoursMayBeRedGreenAndBlue) {
