@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
+#include <optional>
 
 #include "cli/text/name_order.h"
 #include "cli/text/progress.h"
@@ -26,6 +27,39 @@ std::vector<std::string> names_in(const std::string& folder) {
   return names;
 }
 
+// The last number in a name, and what stands around it.
+struct Numbered {
+  std::string before, after;
+  unsigned long number = 0;
+};
+std::optional<Numbered> numbered(const std::string& path) {
+  constexpr size_t kMostDigits = 9;
+  const std::string name = fs::path(path).filename().string();
+  size_t end = name.size();
+  while (end > 0 && (name[end - 1] < '0' || name[end - 1] > '9')) --end;
+  size_t begin = end;
+  while (begin > 0 && name[begin - 1] >= '0' && name[begin - 1] <= '9') --begin;
+  if (begin == end || end - begin > kMostDigits) return std::nullopt;
+  return Numbered{name.substr(0, begin), name.substr(end),
+                  std::stoul(name.substr(begin, end - begin))};
+}
+
+// Names of a folder need no numbers; where they have them, frames may be missing.
+void note_gaps(Context& context, const std::string& folder, const std::vector<std::string>& files) {
+  size_t missing = 0;
+  std::string first;
+  for (size_t k = 1; k < files.size(); ++k) {
+    const auto a = numbered(files[k - 1]), b = numbered(files[k]);
+    if (!a || !b || a->before != b->before || a->after != b->after) return;
+    if (b->number <= a->number + 1) continue;
+    if (missing == 0) first = files[k - 1];
+    missing += b->number - a->number - 1;
+  }
+  if (missing == 0) return;
+  context.note(folder + ": the numbers of its files leave out " + format_count(missing) +
+               ", first behind " + first + "; the frames follow each other as if they did not");
+}
+
 std::vector<std::string> files_of_folder(Context& context, const std::string& folder) {
   std::vector<std::string> files;
   size_t others = 0;
@@ -44,6 +78,7 @@ std::vector<std::string> files_of_folder(Context& context, const std::string& fo
                  "not read");
   }
   std::sort(files.begin(), files.end(), name_is_before);
+  note_gaps(context, folder, files);
   return files;
 }
 
@@ -148,6 +183,9 @@ LoadedScene load_frames(Context& context, const std::vector<std::string>& files,
   import.check();
   io::SequenceOptions options;
   options.paths = files;
+  if (!import.fps.empty() && !import.seconds.empty()) {
+    throw usage_error("the frames of a sequence have --fps or --seconds, not both");
+  }
   if (!import.fps.empty()) {
     options.fps = parse_number(import.fps, "--fps");
   } else if (!import.seconds.empty()) {
@@ -157,6 +195,7 @@ LoadedScene load_frames(Context& context, const std::vector<std::string>& files,
   }
   options.tolerance = parse_tolerance(arguments.tolerance);
   options.match = parse_match(arguments.match);
+  options.activated = import.activated;
   options.threads = static_cast<int>(context.options.threads);
   options.holder = context.budget().holder();
   LoadedScene loaded;
@@ -169,6 +208,7 @@ LoadedScene load_frames(Context& context, const std::vector<std::string>& files,
     };
     loaded.scene = about("", [&] { return io::read_sequence(options, &report); });
   }
+  for (const std::string& note : loaded.scene.notes) context.note(note);
   if (loaded.scene.count() == 0) {
     throw Failure(L4D_ERR_INVALID_SCENE,
                   files.front() + ": the frames hold no Gaussian to be seen");

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "io/formats/scene_file.h"
+#include "io/ply/read_ply.h"
 #include "libl4dcodec/scene/slice.h"
 
 namespace l4d::io {
@@ -22,10 +23,11 @@ bool is_static(const Scene& scene) {
 
 }  // namespace
 
-Frame read_frame(const std::string& path, const Hold& holder) {
+Frame read_frame(const std::string& path, bool activated, const Hold& holder) {
   ImportOptions import;
   import.seconds = 1;
   import.fps = 1;
+  import.activated = activated;
   import.holder = holder;
   Scene scene = read_scene_file(path, path, import);
   // Formats of static scenes alone: of others, an instant would have to be chosen.
@@ -38,7 +40,11 @@ Frame read_frame(const std::string& path, const Hold& holder) {
                     ": a scene that changes over time; a frame of a sequence is a static one, "
                     "as `l4dcodec slice` writes it");
   }
+  require_valid(scene, path);
   Frame frame;
+  for (std::string& note : scene.notes) {
+    if (note != kStaticNote) frame.notes.push_back(std::move(note));
+  }
   const size_t n = scene.count();
   const uint64_t numbers = 3 + 3 + 4 + 1 + frame.sh_numbers();
   frame.memory = hold(holder, n * numbers * sizeof(float), path);

@@ -2,7 +2,7 @@
 #include "io/sequence/sequence.h"
 
 #include <algorithm>
-#include <cmath>
+#include <map>
 #include <new>
 #include <utility>
 
@@ -40,6 +40,41 @@ void append(const std::vector<T>& from, std::vector<T>* to) {
   to->insert(to->end(), from.begin(), from.end());
 }
 
+// What readers note of the frames: once, with the first frame and how many say the same.
+class FrameNotes {
+ public:
+  void add(const std::string& path, const std::vector<std::string>& notes) {
+    for (const std::string& note : notes) {
+      auto& [first, frames] = of_kind_[kind_of(note)];
+      if (frames++ == 0) first = path + ": " + note;
+    }
+  }
+  std::vector<std::string> lines(size_t frames) const {
+    std::vector<std::string> lines;
+    for (const auto& [kind, note] : of_kind_) {
+      lines.push_back("In " + std::to_string(note.second) + " of " + std::to_string(frames) +
+                      " frames, first in " + note.first);
+    }
+    return lines;
+  }
+
+ private:
+  // Without how many rows it is about: "1 of 8 rows ...", "...: 3."
+  static std::string kind_of(const std::string& note) {
+    static constexpr char kDigits[] = "0123456789";
+    size_t begin = note.find_first_not_of(kDigits);
+    if (begin == std::string::npos) return note;
+    if (begin > 0 && note.compare(begin, 4, " of ") == 0) {
+      begin = std::min(note.find_first_not_of(kDigits, begin + 4), note.size());
+    }
+    const size_t count = note.rfind(": ");
+    const bool is_count = count != std::string::npos && count + 2 < note.size() &&
+                          note.find_first_not_of("0123456789.", count + 2) == std::string::npos;
+    return note.substr(begin, is_count ? count - begin : std::string::npos);
+  }
+  std::map<std::string, std::pair<std::string, size_t>> of_kind_;
+};
+
 class Reader {
  public:
   explicit Reader(const SequenceOptions& options)
@@ -54,6 +89,7 @@ class Reader {
 
   void add(uint32_t index, Frame now) {
     check_frame(index, &now);
+    notes_.add(options_.paths[index], now.notes);
     std::vector<uint32_t> from(now.count(), kNoRow);
     bool in_order = true;
     if (index > 0) from = match_rows(before_, velocities(), now, options_.match, &in_order);
@@ -78,6 +114,7 @@ class Reader {
     scene.set_mean_times(std::move(out_.times));
     if (out_.windows == 0) scene.window.clear();
     scene.source = "sequence";
+    scene.notes = notes_.lines(options_.paths.size());
     scene.memory = std::move(output_memory_).keep();
     report_.fading = out_.fading;
     report_.windows = out_.windows;
@@ -124,7 +161,7 @@ class Reader {
     std::vector<uint64_t> matched(outputs.size(), 0), unseen(outputs.size(), 0);
     parallel_for(options_.threads, now.count(), kTrackGrain, [&](size_t begin, size_t end) {
       for (size_t j = begin; j < end; ++j) {
-        if (!(now.opacity[j] >= kLeastOpacity) || !is_finite(now, j)) {
+        if (!(now.opacity[j] >= kLeastOpacity)) {
           ++unseen[begin / kTrackGrain];
           continue;
         }
@@ -149,15 +186,6 @@ class Reader {
       report_.unseen += unseen[k];
     }
     report_.rows += now.count();
-  }
-
-  static bool is_finite(const Frame& frame, size_t j) {
-    const auto finite = [](const float* values, size_t count) {
-      return std::all_of(values, values + count, [](float x) { return std::isfinite(x); });
-    };
-    return finite(&frame.position[3 * j], 3) && finite(&frame.log_scale[3 * j], 3) &&
-           finite(&frame.rotation[4 * j], 4) &&
-           finite(&frame.sh[frame.sh_numbers() * j], frame.sh_numbers());
   }
 
   // Finishes the tracks that are left.
@@ -198,6 +226,7 @@ class Reader {
   std::vector<std::unique_ptr<Track>> tracks_;  // of the rows of before_; null where unseen
   SequenceOutput out_;
   SequenceReport report_{0, 0, 0, 0, 0, true};
+  FrameNotes notes_;
   Growing track_memory_, output_memory_;
 };
 
@@ -211,7 +240,8 @@ Scene read_sequence(const SequenceOptions& options, SequenceReport* report) {
     Reader reader(options);
     for (size_t k = 0; k < options.paths.size(); ++k) {
       if (options.progress) options.progress(k, options.paths.size());
-      reader.add(static_cast<uint32_t>(k), read_frame(options.paths[k], options.holder));
+      reader.add(static_cast<uint32_t>(k),
+                 read_frame(options.paths[k], options.activated, options.holder));
     }
     return reader.finish(report);
   } catch (const std::bad_alloc&) {

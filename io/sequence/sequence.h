@@ -33,7 +33,8 @@ struct SequenceOptions {
   double fps = 30;
   SequenceTolerance tolerance;
   SequenceMatch match = SequenceMatch::kAuto;
-  int threads = 0;  // 0 = one per core
+  bool activated = false;  // as ImportOptions has it
+  int threads = 0;         // 0 = one per core
   Hold holder;
   // Called before each frame; may throw.
   std::function<void(size_t frame, size_t frames)> progress;
@@ -52,7 +53,8 @@ struct SequenceReport {
 // Reads frames, each a file with a static scene, as one scene that shows frame k at k / fps
 // seconds. Gaussians that go on from frame to frame become one that moves in a straight line, as
 // long as that keeps the tolerance; it fades as a 4D Gaussian does if its opacities allow that, and
-// else has a flat window. Memory: about 4 frames, and the Gaussians of the scene. Throws Error.
+// else has a flat window. Scene::notes has those of the frames' readers. Memory: about 4 frames,
+// and the Gaussians of the scene. Throws Error.
 Scene read_sequence(const SequenceOptions& options, SequenceReport* report = nullptr);
 
 }  // namespace l4d::io

@@ -38,6 +38,14 @@ expect 0 encode frames --fps 30 --preset lossless -o folder.l4d --force
 expect_text err '1 entries that are no files of scenes'
 expect 0 encode frames -o rate.l4d --preset lossless
 expect_text err 'no frame rate; 30'
+expect 2 encode frames --fps 30 --seconds 1 -o both.l4d
+expect_text err 'not both'
+mkdir gaps
+cp frames/f_003.ply gaps/f_3.ply
+cp frames/f_004.ply gaps/f_4.ply
+cp frames/f_010.ply gaps/f_10.ply
+expect 0 encode gaps --fps 30 -o gaps.l4d
+expect_text err 'gaps: the numbers of its files leave out 5, first behind gaps/f_4.ply'
 expect 0 encode frames --fps 30 --match none --preset lossless -o none.l4d
 "$PYTHON" -c 'import os, sys; sys.exit(os.path.getsize("none.l4d") < 5 * os.path.getsize("clip.l4d"))' ||
   die 'matches save nothing'

@@ -240,6 +240,35 @@ TEST_F(SequenceTest, RefusesWhatIsNoFrame) {
   EXPECT_EQ(test::status_of([&] { read(); }), L4D_ERR_INVALID_ARGUMENT);
 }
 
+// Notes of frames come once; what is no Gaussian does not count as too faint.
+TEST_F(SequenceTest, TellsWhatReadersOfFramesNote) {
+  for (size_t k = 0; k < 3; ++k) write_frame(k, splats_of(4));
+  for (const size_t k : {size_t{1}, size_t{2}}) {
+    std::string text =
+        test::ply_header("ascii", {}, k,
+                         {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "rot_0", "rot_1", "rot_2",
+                          "rot_3", "scale_0", "scale_1", "scale_2", "opacity", "segment"});
+    for (size_t i = 0; i < k; ++i) text += "0 0 1 0 0 0 0 0 0 0 -3 -3 -3 0.5 7\n";
+    write("f" + std::to_string(k) + ".ply", text);
+  }
+  const std::vector<std::string> notes = read().notes;
+  ASSERT_EQ(notes.size(), 3U);
+  EXPECT_EQ(notes[1], "In 2 of 3 frames, first in " + paths_[1] +
+                          ": 1 of 15 properties were not read: segment.");
+  EXPECT_EQ(notes[0], "In 1 of 3 frames, first in " + paths_[0] +
+                          ": 3 of 17 properties were not read: nx, ny, nz.");
+  EXPECT_EQ(notes[2], "In 2 of 3 frames, first in " + paths_[1] +
+                          ": Rotations of length 0, which are taken as none: 1.");
+  std::string message;
+  write("f2.ply", test::ply_header("ascii", {}, 1,
+                                   {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "rot_0", "rot_1",
+                                    "rot_2", "rot_3", "scale_0", "scale_1", "scale_2", "opacity"}) +
+                      "nan 0 1 0 0 0 1 0 0 0 -3 -3 -3 0.5\n");
+  EXPECT_EQ(test::status_of([&] { read(); }, &message), L4D_ERR_INVALID_SCENE);
+  EXPECT_NE(message.find("f2.ply: Gaussian 0 has an invalid position"), std::string::npos)
+      << message;
+}
+
 // Memory does not grow with the number of frames.
 TEST_F(SequenceTest, HoldsAFewFrames) {
   const auto peak = [&](size_t frames) {
