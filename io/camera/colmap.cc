@@ -47,6 +47,16 @@ bool take_number(std::istream& words, double* value) {
   return end != word.c_str() && *end == 0;
 }
 
+// What is left of a line, without blanks around it.
+std::string rest_of(std::istream& words) {
+  static constexpr char kBlanks[] = " \t\r";
+  std::string text;
+  std::getline(words, text);
+  const size_t begin = text.find_first_not_of(kBlanks);
+  if (begin == std::string::npos) return "";
+  return text.substr(begin, text.find_last_not_of(kBlanks) + 1 - begin);
+}
+
 // Numbers of a binary file, or words of a text: one after the other.
 class Source {
  public:
@@ -81,6 +91,12 @@ class Source {
   void skip(uint64_t entries, uint64_t bytes) {
     if (entries > (bytes_.size() - at_) / bytes) fail("the file ends early");
     at_ += static_cast<size_t>(entries * bytes);
+  }
+  // Fails where a binary file has more than its entries.
+  void finish() const {
+    if (at_ != bytes_.size()) {
+      fail(std::to_string(bytes_.size() - at_) + " bytes follow the entries that are stated");
+    }
   }
   std::string name() {
     const auto from = bytes_.begin() + static_cast<ptrdiff_t>(at_);
@@ -153,7 +169,9 @@ std::map<uint64_t, Lens> read_lenses(const std::string& path, const Hold& holder
   std::map<uint64_t, Lens> lenses;
   const auto add = [&](uint64_t id, const std::string& model, uint64_t width, uint64_t height,
                        const std::vector<double>& parameters) {
-    set_lens(source, model, width, height, parameters, &lenses[id]);
+    const auto [lens, is_new] = lenses.emplace(id, Lens());
+    if (!is_new) source.fail("there are two cameras " + std::to_string(id));
+    set_lens(source, model, width, height, parameters, &lens->second);
   };
   const auto unsupported = [&](const std::string& model) {
     source.place().fail(L4D_ERR_FEATURE_UNSUPPORTED, "cameras of the model " + model);
@@ -171,6 +189,7 @@ std::map<uint64_t, Lens> read_lenses(const std::string& path, const Hold& holder
       for (double& value : parameters) value = source.take<double>();
       add(id, kModels[model].name, width, height, parameters);
     }
+    source.finish();
     return lenses;
   }
   for (std::istringstream words; source.line(&words);) {
@@ -183,6 +202,9 @@ std::map<uint64_t, Lens> read_lenses(const std::string& path, const Hold& holder
     std::vector<double> parameters(known->parameters);
     for (double& value : parameters) {
       if (!take_number(words, &value)) source.fail("a camera lacks parameters");
+    }
+    if (double more = 0; take_number(words, &more)) {
+      source.fail("a camera has more parameters than " + model + " has");
     }
     add(id, model, width, height, parameters);
   }
@@ -202,6 +224,7 @@ std::vector<Photo> read_images(const std::string& path, const Hold& holder) {
       image.name = source.name();
       source.skip(source.take<uint64_t>(), 24);
     }
+    source.finish();
   } else {
     std::istringstream words;
     while (source.line(&words)) {
@@ -210,9 +233,19 @@ std::vector<Photo> read_images(const std::string& path, const Hold& holder) {
       bool all = true;
       for (double& value : image.q) all = take_number(words, &value) && all;
       for (double& value : image.t) all = take_number(words, &value) && all;
-      if (!all || !(words >> image.camera >> image.name)) source.fail("an image lacks numbers");
+      if (!all || !(words >> image.camera)) source.fail("an image lacks numbers");
+      image.name = rest_of(words);
+      if (image.name.empty()) source.fail("an image lacks its name");
+      // The points that it shows.
+      if (source.line(&words)) {
+        size_t numbers = 0;
+        for (double value = 0; take_number(words, &value);) ++numbers;
+        if (!words.eof() || numbers % 3 != 0) {
+          source.fail("the line behind that of " + image.name +
+                      " holds no points: an image has two lines, of which the second may be empty");
+        }
+      }
       images.push_back(std::move(image));
-      source.line(&words);  // the points that it shows
     }
   }
   // By name, as videos are; COLMAP has them in any order.
@@ -304,6 +337,7 @@ std::vector<ColmapPoint> read_colmap_points(const std::string& model, const Hold
       source.skip(source.take<uint64_t>(), 8);
       add(xyz, rgb);
     }
+    source.finish();
     return points;
   }
   for (std::istringstream words; source.line(&words);) {
