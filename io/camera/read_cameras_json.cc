@@ -34,8 +34,8 @@ void set_intrinsics(const CameraPlace& place, const Json& object, l4d_camera& ca
 // lens [k1, k2, k3, k4].
 Distortion distortion_of(const CameraPlace& place, const Json& object) {
   Distortion out;
-  if (!object.contains("distortion")) return out;
-  const Json& list = object.at("distortion");
+  const Json none = Json::array();
+  const Json& list = object.contains("distortion") ? object.at("distortion") : none;
   const std::string model = text_or(place, object, "distortion_model", "radial");
   if (model != "radial" && model != "fisheye") {
     place.fail("distortion_model is not one of radial, fisheye");
