@@ -4,10 +4,12 @@
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "io/camera/read_cameras.h"
 #include "io/camera/unknown_keys.h"
 #include "io/image/image.h"
+#include "io/scene/scene.h"
 
 namespace l4d::io {
 namespace {
@@ -142,7 +144,10 @@ class TransformsReader {
     if (!frames.is_array()) file.fail("frames is not a list");
     set_.source = "transforms";
     const std::string split = split_of(path_);
-    const std::map<std::string, std::string> splits = splits_of(file);
+    std::map<std::string, std::string> splits = splits_of(file);
+    const bool is_split = split.empty() && !splits.empty();
+    std::set<std::string> is_found;
+    size_t without_split = 0;
     UnknownKeys unknown(&set_);
     unknown.look(root_, kKeys, "the file");
     for (size_t i = 0; i < frames.size(); ++i) {
@@ -150,16 +155,39 @@ class TransformsReader {
       Camera camera = read_frame(place, frames[i]);
       camera.id = static_cast<int>(i);
       camera.split = split;
-      const auto listed = splits.find(text_or(place, frames[i], "file_path", ""));
-      if (split.empty() && listed != splits.end()) camera.split = listed->second;
+      if (is_split) {
+        const auto listed = splits.find(in_folder(text_or(place, frames[i], "file_path", "")));
+        if (listed == splits.end()) {
+          without_split += root_.contains("train_filenames") ? 1U : 0U;
+        } else {
+          camera.split = listed->second;
+          is_found.insert(listed->first);
+        }
+      }
       unknown.look(frames[i], kKeys, place.camera);
       set_.cameras.push_back(std::move(camera));
+    }
+    std::vector<std::string> lost;
+    for (const auto& [name, of] : splits) {
+      if (is_split && is_found.count(name) == 0) lost.push_back(name);
+    }
+    if (!lost.empty()) {
+      set_.notes.push_back("Images that are listed for training or tests and that no frame has: " +
+                           list_of_names(lost) + ".");
+    }
+    if (without_split > 0) {
+      set_.notes.push_back("Frames that no list of images for training or tests has: " +
+                           std::to_string(without_split) + ".");
     }
     finish(file);
     return std::move(set_);
   }
 
  private:
+  static std::string in_folder(const std::string& path) {
+    return path.compare(0, 2, "./") == 0 ? path.substr(2) : path;
+  }
+
   // By the names of images, as nerfstudio lists them.
   std::map<std::string, std::string> splits_of(const CameraPlace& file) const {
     std::map<std::string, std::string> splits;
@@ -169,7 +197,7 @@ class TransformsReader {
       if (!root_.at(key).is_array()) file.fail(key + " is not a list");
       for (const Json& name : root_.at(key)) {
         if (!name.is_string()) file.fail(key + " has what is no text");
-        splits[name.get<std::string>()] = split;
+        splits[in_folder(name.get<std::string>())] = split;
       }
     }
     return splits;

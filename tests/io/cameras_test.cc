@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "io/camera/colmap.h"
 #include "io/image/image.h"
 #include "tests/common/files.h"
 #include "tests/io/camera_files.h"
@@ -121,6 +122,10 @@ TEST_F(CamerasTest, JsonOfLensesOffsetsAndImages) {
       EXPECT_EQ(error.status(), L4D_ERR_CORRUPT) << to;
     }
   };
+  // A fisheye lens needs no coefficients to be one.
+  const std::string bare = test::replaced(text, ", \"distortion\": [0.1, 0.2, 0.3, 0.4]", "");
+  EXPECT_EQ(read_cameras(write("cameras.json", bare)).cameras[1].distortion.model,
+            Distortion::Model::kFisheye);
   wrong("[0.1, 0.2, 0.3, 0.4]", "[0.1, 0.2, 0.3, 0.4, 0.5]");
   wrong("[0.1, 0.2, 0.3, 0.4]", "[0.1, null]");
   wrong("fisheye", "fisheyes");
@@ -240,6 +245,44 @@ TEST_F(CamerasTest, WhatTransformsSayBesidesIsNamed) {
   EXPECT_NE(set.notes[2].find("applied_scale"), std::string::npos) << set.notes[2];
   EXPECT_EQ(set.cameras[0].split, "");
   EXPECT_EQ(set.cameras[1].split, "test");
+}
+
+TEST_F(CamerasTest, ListsOfImagesThatDoNotFitAreNamed) {
+  std::string text = test::kTransforms;
+  text.insert(1, R"("train_filenames": ["train/r_000"], "test_filenames": ["r_001.jpg"], )");
+  const CameraSet set = read_cameras(write("transforms.json", text));
+  EXPECT_EQ(set.cameras[0].split, "train");
+  ASSERT_EQ(set.notes.size(), 2U);
+  EXPECT_NE(set.notes[0].find("that no frame has: r_001.jpg."), std::string::npos) << set.notes[0];
+  EXPECT_NE(set.notes[1].find("tests has: 1."), std::string::npos) << set.notes[1];
+}
+
+// COLMAP's lists have two lines for an image, of which names may have blanks.
+TEST_F(CamerasTest, ListsOfColmapAreReadWholeOrRefused) {
+  const std::string lens = "1 PINHOLE 40 30 30 31 20 15\n";
+  const std::string a = "1 1 0 0 0 0.5 0 2 1 cam 2.jpg\n", b = "2 1 0 0 0 0 0 2 1 cam 1.jpg\r\n";
+  const auto read = [&](const std::string& cameras, const std::string& images) {
+    write("cameras.txt", cameras);
+    write("images.txt", images);
+    return read_cameras(path("")).cameras.size();
+  };
+  EXPECT_EQ(read(lens, a + "1 2 3\n" + b), 2U);
+  std::vector<std::string> names;
+  read_colmap_cameras(path(""), &names, {});
+  EXPECT_EQ(names, (std::vector<std::string>{"cam 1.jpg", "cam 2.jpg"}));
+  const struct {
+    std::string cameras, images;
+    const char* message;
+  } cases[] = {{lens, a + b, "holds no points"},
+               {lens, a + "1 2\n", "holds no points"},
+               {lens + lens, a, "two cameras 1"},
+               {"1 PINHOLE 40 30 30 31 20 15 9\n", a, "more parameters than PINHOLE"},
+               {lens, "1 1 0 0 0 0.5 0 2 1 \n", "lacks its name"}};
+  for (const auto& c : cases) {
+    std::string message;
+    EXPECT_EQ(test::status_of([&] { read(c.cameras, c.images); }, &message), L4D_ERR_CORRUPT);
+    EXPECT_NE(message.find(c.message), std::string::npos) << message;
+  }
 }
 
 TEST_F(CamerasTest, TransformsFindNamesWithDots) {
