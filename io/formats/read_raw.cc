@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 #include <set>
+#include <string>
+#include <utility>
 
 #include "io/file/safetensors.h"
 #include "io/formats/raw_arrays.h"
@@ -46,6 +48,24 @@ void check_schema(const TensorFile& file) {
   if (form == nullptr || std::strcmp(form, "attributes") != 0) {
     fail(file, L4D_ERR_FEATURE_UNSUPPORTED,
          "arrays that are no attributes: codes without their codebooks make no scene");
+  }
+}
+
+// What is stated twice says the same.
+void check_repeated(const TensorFile& file, uint64_t count, uint32_t flags) {
+  const bool is_logit = (flags & L4D_OPACITY_LOGIT) != 0;
+  const bool at_mean_time = (flags & L4D_POSITION_AT_MEAN_TIME) != 0;
+  const std::pair<const char*, std::string> stated[] = {
+      {"byte_order", "little"},
+      {"num_gaussians", std::to_string(count)},
+      {"opacity", is_logit ? "logit" : "linear"},
+      {"position_at", at_mean_time ? "mean_time" : "reference_time"}};
+  for (const auto& [key, expected] : stated) {
+    const char* text = file.metadata(key);
+    if (text == nullptr || text == expected) continue;
+    fail(file, L4D_ERR_CORRUPT,
+         std::string(key) + " of the metadata is '" + text + "', and the rest of the file says " +
+             expected);
   }
 }
 
@@ -114,6 +134,7 @@ Scene read_raw(InputFile input, const ImportOptions& options) {
   if (file.shape_of("window") != nullptr) want("window", {n, 2}, &scene.window);
   scene.memory = file.hold_values(targets, options.holder);
   file.read_into(targets);
+  check_repeated(file, n, scene.flags);
   if (!times.empty()) scene.set_mean_times(std::move(times));
   if (std::all_of(scene.window.begin(), scene.window.end(), [](uint32_t f) { return f == 0; })) {
     scene.window.clear();

@@ -34,11 +34,14 @@ def other_schema(h): h["__metadata__"]["schema"] = "other"
 def packed(h): h["__metadata__"]["form"] = "packed"
 def flags(h): h["__metadata__"]["flags"] = "64"
 def frames(h): h["__metadata__"]["num_frames"] = "99999999"
+def order(h): h["__metadata__"]["byte_order"] = "big"
+def logits(h): h["__metadata__"]["opacity"] = "linear"
+def count(h): h["__metadata__"]["num_gaussians"] = "1"
 def huge(h): h["mean_t"]["shape"] = h["mean_t_exact"]["shape"] = [1 << 40]
 def more(h): h["labels"] = h["opacity"]
 def no_clock(h):
     for key in ("num_frames", "fps", "time_begin"): del h["__metadata__"][key]
-for change in (without_schema, other_schema, packed, flags, frames, huge, more, no_clock):
+for change in (without_schema, other_schema, packed, flags, frames, order, logits, count, huge, more, no_clock):
     write(change.__name__ + ".safetensors", change)
 PY
 refused() { expect "$2" info "$1.safetensors"; expect_text err "$3"; }
@@ -47,6 +50,9 @@ refused other_schema 5 'must be l4dcodec.raw/1'
 refused packed 5 'codebooks'
 refused flags 4 'flags of the metadata'
 refused frames 4 'num_frames of the metadata'
+refused order 4 "byte_order of the metadata is 'big'.*little"
+refused logits 4 "opacity of the metadata is 'linear'.*logit"
+refused count 4 "num_gaussians of the metadata is '1'"
 refused huge 4 'shape'
 expect_document 0 info more.safetensors
 expect_json out 'any("1 arrays were not read: labels." == n for n in d["notes"])'
