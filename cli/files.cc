@@ -90,11 +90,8 @@ Input::Input(Context& context, const std::string& name, const std::string& what)
   if (!file) throw io_failure(name_, "cannot open", errno);
   bytes_ = static_cast<uint64_t>(status.st_size);
   is_scene_ = io::is_scene_file(path_, name);
-  if (is_scene_) return;
-  const std::optional<io::ForeignKind> foreign = io::identify_foreign(path_, name);
-  if (!foreign) return;
-  throw Failure(L4D_ERR_FEATURE_UNSUPPORTED,
-                name_ + ": this is " + foreign->name + ", and no stream or PLY; " + foreign->way);
+  const std::string refusal = io::foreign_refusal(path_, name);
+  if (!refusal.empty()) throw Failure(L4D_ERR_FEATURE_UNSUPPORTED, name_ + refusal);
 }
 
 Output::Output(Context& context, const std::string& name, const std::string& what, bool is_text)

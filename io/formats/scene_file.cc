@@ -37,10 +37,21 @@ bool is_scene_file(const std::string& path, const std::string& name) {
   return is_ply(path) || reader_of(path, name) != nullptr;
 }
 
+std::string foreign_refusal(const std::string& path, const std::string& name) {
+  if (is_scene_file(path, name)) return "";
+  const std::optional<ForeignKind> foreign = identify_foreign(path, name);
+  if (!foreign) return "";
+  return ": this is " + foreign->name + ", and no stream or PLY; " + foreign->way;
+}
+
 Scene read_scene_file(const std::string& path, const std::string& name,
                       const ImportOptions& options) {
   const Reader read = reader_of(path, name);
-  if (read == nullptr) return read_scene_ply(path, options);
+  if (read == nullptr) {
+    const std::string refusal = foreign_refusal(path, name);
+    if (!refusal.empty()) throw Error(L4D_ERR_FEATURE_UNSUPPORTED, name + refusal);
+    return read_scene_ply(path, options);
+  }
   try {
     return read(InputFile(path, options.holder), options);
   } catch (const std::bad_alloc&) {

@@ -11,6 +11,10 @@ namespace l4d::io {
 // say nothing, by the extension of `name`. Throws Error(L4D_ERR_IO).
 bool is_scene_file(const std::string& path, const std::string& name);
 
+// Why nothing reads the file, if it is known to be of another program, or a web page; else "". It
+// goes on behind the file's name.
+std::string foreign_refusal(const std::string& path, const std::string& name);
+
 // Reads a scene of any format that docs/formats.md lists as read, but for streams. Throws Error:
 // L4D_ERR_IO, L4D_ERR_CORRUPT, L4D_ERR_FEATURE_UNSUPPORTED, L4D_ERR_LIMIT_EXCEEDED.
 Scene read_scene_file(const std::string& path, const std::string& name,

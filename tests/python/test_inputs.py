@@ -40,6 +40,11 @@ def ply(columns: Sequence[str], rows: Sequence[Sequence[float]], types: Optional
         pack(*[int(x) if kind == "uchar" else x for kind, x in zip(kinds, row)]) for row in rows)
 
 
+def text_ply(rows: Sequence[Sequence[float]]) -> bytes:
+    header = f"ply\nformat ascii 1.0\nelement vertex {len(rows)}\n" + "".join(f"property float {c}\n" for c in STATIC)
+    return (header + "end_header\n" + "".join(" ".join(map(str, row)) + "\n" for row in rows)).encode()
+
+
 def changed(**values: float) -> List[float]:
     return [values.get(name, x) for name, x in zip(STATIC, ROW)]
 
@@ -60,15 +65,23 @@ def scenes() -> Dict[str, bytes]:
         "quaternion of zeros": ply(STATIC, [changed(rot_0=0, rot_1=0, rot_2=0, rot_3=0)]),
         "infinite logits and scales": ply(STATIC, infinite),
         "activated values": ply(STATIC, [activated]),
+        "opacities of 0 to 1 beside logarithms": ply(STATIC, [ROW] * 100),
+        "opacities as bytes": ply(STATIC, [changed(opacity=200)], {"opacity": "uchar"}),
+        "one row more than stated": ply(STATIC, [ROW, ROW]).replace(b"vertex 2", b"vertex 1"),
+        "rows of text with a value too many": text_ply([ROW + [7.0]] * 3),
+        "rows of text with a value too few": text_ply([ROW[:-1]] * 3),
+        "a misspelt comment": ply(STATIC, [ROW], before="comment l4d_orgin 1 2 3\n"),
         "red, green, blue": ply([colors.get(k, name) for k, name in enumerate(STATIC)],
                                 [changed(f_dc_0=207, f_dc_1=182, f_dc_2=132)], {c: "uchar" for c in colors.values()}),
         "harmonics of degree 4": ply(STATIC + rest, [ROW + [0.01] * 72]),
         "t, scale_t, motion": ply(STATIC + moving, [[*ROW, t, -2.3, 0.1, 0, -0.2] for t in (0.25, 0.5)]),
         "t, scale_3, rot_0 to rot_7": ply([*STATIC, "t", "scale_3", *quaternions], [[*ROW, 0.5, -1, 1, 0, 0.1, 0]]),
         "SpacetimeGaussians lite": ply(STATIC + stg, [[*ROW, 0.5, -1, *[0.1] * 9, *[0.0] * 4]]),
+        "times of milliseconds": ply(STATIC + stg, [[*ROW, t, -1, *[0.0] * 13] for t in (0, 500)]),
         "unknown columns": ply([*STATIC, "nx", "ny", "nz", "label"], [[*ROW, 0, 0, 0, 7]]),
         "an element behind": ply(STATIC, [ROW], after="element camera 0\nproperty float fx\n"),
         "an unknown column about time": ply([*STATIC, "timestamp"], [[*ROW, 1]]),
+        "a lifetime": ply([*STATIC, "lifetime"], [[*ROW, 1]]),
         "velocities without times": ply([*STATIC, "velocity_0", "velocity_1", "velocity_2"], [[*ROW, 1, 0, 0]]),
         "a list among the columns": ply(STATIC, [ROW], after="property list uchar int v\n"),
         "60,000 elements": ply(STATIC, [ROW], before="".join(f"element e{k} 0\n" for k in range(60000))),
@@ -103,6 +116,8 @@ def cameras() -> Dict[str, bytes]:
         "`latlong`": transforms(**lens, latlong=True),
         "`applied_transform`, `ply_file_path`": transforms(**lens, applied_transform=[[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]],
                                                           ply_file_path="sparse_pc.ply"),
+        "lists of images that no frame has": transforms(
+            **lens, train_filenames=["./images/a.jpg"], test_filenames=["b.jpg"]),
         "no size": transforms([{"file_path": "images/none.png"}], **lens),
         "masks": transforms([{"file_path": "images/a.jpg", "mask_path": "a.png"}], **lens),
     }

@@ -12,7 +12,7 @@
 #include <optional>
 #include <string>
 
-#include "io/ply/scene_ply.h"
+#include "io/formats/scene_file.h"
 #include "l4d/l4d.hpp"
 #include "training/cli/numbers.h"
 #include "training/cli/pace.h"
@@ -357,7 +357,9 @@ void add_train(CLI::App& app, Arguments& a) {
 void add_capture(CLI::App& app, Arguments& a) {
   CLI::App* verb =
       app.add_subcommand("capture", "Render a scene as a capture, whose truth is then known");
-  verb->add_option("scene", a.scene, "PLY of a scene, as `l4dcodec synth` makes")->required();
+  verb->add_option("scene", a.scene,
+                   "File of a scene, of any format that `l4dcodec convert` reads but a stream")
+      ->required();
   verb->add_option("-o,--output", a.folder, "Folder for the capture")->required();
   verb->add_option("--cameras", a.cameras,
                    "Number of cameras around the scene, or a file of them, as `l4dcodec cameras` "
@@ -374,7 +376,7 @@ void add_capture(CLI::App& app, Arguments& a) {
   add_common(verb, a);
 }
 
-int run_capture(Arguments& a) {
+int run_capture(Arguments& a, Terminal& terminal) {
   char rest = 0;
   RenderCaptureOptions& capture = a.capture;
   const bool is_number = a.cameras.find_first_not_of("0123456789") == std::string::npos;
@@ -388,7 +390,9 @@ int run_capture(Arguments& a) {
                     "--size must be like 320x240, and --cameras 1 to 1000, or a file");
   }
   capture.threads = a.run.threads;
-  const io::Scene scene = io::read_scene_ply(a.scene);
+  const io::Scene scene = io::read_scene_file(a.scene, a.scene);
+  io::require_valid(scene, a.scene);
+  for (const std::string& note : scene.notes) terminal.note(note);
   const uint32_t cameras = render_capture(a.folder, scene, capture);
   if (!a.quiet) std::printf("%s: %u cameras\n", a.folder.c_str(), cameras);
   return kExitOk;
@@ -419,7 +423,7 @@ int run_verb(const CLI::App& app, Arguments& a) {
     std::printf("%s%s", (a.json ? result.json : result.text).c_str(), a.json ? "\n" : "");
     return kExitOk;
   }
-  if (app.got_subcommand("capture")) return run_capture(a);
+  if (app.got_subcommand("capture")) return run_capture(a, terminal);
   RunReport report;
   if (app.got_subcommand("train")) {
     a.run.settings.host_memory = bytes_of("--host-memory", a.host_memory);
