@@ -108,6 +108,9 @@ l4d::io::Scene copy_of(const l4dpy_parts& parts) {
   scene.rendering = parts.rendering;
   scene.presentation = parts.presentation;
   scene.source = "python";
+  if (!(scene.placement.scale > 0 && std::isfinite(scene.placement.scale))) {
+    throw l4d::io::Error(L4D_ERR_INVALID_ARGUMENT, "placement: scale must be above 0 and finite");
+  }
   return scene;
 }
 
@@ -175,7 +178,11 @@ void put_notes(std::string first, const l4d::io::WriteNotes& found, char* notes,
 }  // namespace
 
 l4d_status l4dpy_is_scene_file(const char* path, int32_t* out) {
-  return guarded([&] { *out = l4d::io::is_scene_file(path, path) ? 1 : 0; });
+  return guarded([&] {
+    const std::string refusal = l4d::io::foreign_refusal(path, path);
+    if (!refusal.empty()) throw l4d::Error(L4D_ERR_FEATURE_UNSUPPORTED, path + refusal);
+    *out = l4d::io::is_scene_file(path, path) ? 1 : 0;
+  });
 }
 
 l4d_status l4dpy_read_file(const char* path, double seconds, double fps, int32_t activated,

@@ -244,6 +244,7 @@ Status check_input(const EncoderInput& input) {
   if (!is_valid(p)) {
     return invalid_argument("placement: origin and scale must be finite");
   }
+  if (!(p.scale > 0)) return invalid_argument("placement: scale must be above 0");
   if (p.coordinate_system > 255 || p.color_space > 255) {
     return invalid_argument("placement: coordinate_system and color_space are ids below 256");
   }

@@ -55,6 +55,13 @@ class Camera:
         if K.shape != (3, 3) or pose.shape not in ((3, 4), (4, 4)):
             raise ValueError(f"K is {list(K.shape)} and viewmat {list(pose.shape)}; "
                              "they must be [3, 3] and [4, 4] or [3, 4]")
+        off_pinhole = [K[0, 1], K[1, 0], K[2, 0], K[2, 1], K[2, 2] - 1]
+        if not np.abs(off_pinhole).max() <= 1e-6 * max(1, abs(K[0, 0])):
+            raise ValueError("K is no matrix of a pinhole camera without skew: fx 0 cx, 0 fy cy, 0 0 1")
+        if not pose[:3, :3].any():  # to C it means the identity
+            raise ValueError("viewmat begins with zeros, which are no rotation")
+        if len(pose) == 4 and not np.abs(pose[3] - [0, 0, 0, 1]).max() <= 1e-6:
+            raise ValueError("viewmat does not end in the row 0 0 0 1")
         return struct("camera", width=self.width, height=self.height, fx=K[0, 0], fy=K[1, 1], cx=K[0, 2], cy=K[1, 2],
                       world_to_camera=[float(x) for x in pose[:3].ravel()], near_plane=self.near_plane)
 

@@ -195,9 +195,12 @@ def read(source: Source, *, seconds: float = 0, fps: float = 0, activated: bool 
     a PLY has opacities of 0 to 1 and lengths in the columns for logits and logarithms. What the import approximates
     is a warning, and in Scene.notes.
     """
-    scene = _scene_of(native_of(source, seconds, fps, activated))
+    return _with_warnings(_scene_of(native_of(source, seconds, fps, activated)), repr(source))
+
+
+def _with_warnings(scene: Scene, name: str) -> Scene:
     for note in scene.notes:
-        warnings.warn(f"{source!r}: {note}", stacklevel=2)
+        warnings.warn(f"{name}: {note}", stacklevel=3)
     return scene
 
 
@@ -206,6 +209,7 @@ def read_frames(paths: Sequence[Path], *, fps: float = 30, match: str = "auto", 
     """Reads frames, each a file with a static scene, as one scene that shows frame k at k / fps seconds.
 
     match: which Gaussians of one frame are those of the next: "order" of rows, "content", "none", or "auto".
+    What the readers of frames note is a warning, and in Scene.notes.
     errors: how far a Gaussian may be from that of a frame: position (of its size), scale (natural logarithm),
     rotation (degrees), color and opacity, as the option --sequence-error of the tool has them.
     """
@@ -221,7 +225,7 @@ def read_frames(paths: Sequence[Path], *, fps: float = 30, match: str = "auto", 
     out, cancel = ffi.new("l4dpy_scene**"), ffi.new("int32_t*")
     interruptible(lambda: check(lib.l4dpy_read_frames(lines, fps, matches.index(match), limits, threads, cancel, out)),
                   cancel)
-    return _scene_of(ffi.gc(out[0], lib.l4dpy_destroy))
+    return _with_warnings(_scene_of(ffi.gc(out[0], lib.l4dpy_destroy)), "frames")
 
 
 # ---- between these and C ---------------------------------------------------------------------------------

@@ -168,3 +168,29 @@ def test_arrays_of_any_shape_and_type_are_taken_or_refused(name: str, data: Any)
             assert str(error)
         else:
             assert len(again) == 4
+
+
+def test_a_placement_has_a_scale() -> None:
+    for scale in (0, -1, float("nan")):
+        refused("placement: scale", lambda s=scale: lossless(scene_of(placement={"scale": s})))
+
+
+def test_cameras_are_pinholes_that_stand_somewhere() -> None:
+    K, pose = np.array([[50.0, 0, 32], [0, 50, 24], [0, 0, 1]]), np.eye(4)
+    pose[:3, 3] = (1, 2, 3)
+    l4d.Camera(64, 48, K, pose).to_c()
+    skew, twice, last = K.copy(), 2 * K, pose.copy()
+    skew[0, 1], last[3, 3] = 5, 2
+    for words, given in {"K is no matrix": [(skew, pose), (twice, pose)],
+                         "no rotation": [(K, np.zeros((4, 4)))],
+                         "0 0 0 1": [(K, pose.T), (K, last)]}.items():
+        for matrix, view in given:
+            with pytest.raises(ValueError, match=words):
+                l4d.Camera(64, 48, matrix, view).to_c()
+
+
+def test_files_of_other_programs_are_named(tmp_path: pathlib.Path) -> None:
+    (tmp_path / "a.ply").write_bytes(b"<!DOCTYPE html><html></html>")
+    with pytest.raises(l4d.Error, match="a web page") as caught:
+        l4d.read(tmp_path / "a.ply")
+    assert caught.value.status == l4d.Status.FEATURE_UNSUPPORTED

@@ -141,6 +141,11 @@ def test_frames_become_the_scene_of_the_tool(folder: pathlib.Path, tmp_path: pat
         tool("encode", *frames, "--fps", 30, "--preset", "lossless", "-f", "-o", tmp_path / "tool.l4d", "--match", match,
              *(("--sequence-error", given) if given else ()))
         assert (tmp_path / "python.l4d").read_bytes() == (tmp_path / "tool.l4d").read_bytes()
+    header, rows = frames[3].read_bytes().split(b"end_header\n")
+    frames[3].write_bytes(header.replace(b"element", b"comment l4d_orgin 1 2 3\nelement", 1) + b"end_header\n" + rows)
+    with pytest.warns(UserWarning, match="In 1 of 15 frames, first in .*f_03.ply"):
+        notes = l4d.read_frames(frames).notes
+    assert sum("l4d_orgin" in note for note in notes) == 1
     with pytest.raises(l4d.Error, match="match"):
         l4d.read_frames(frames, match="rows")
     with pytest.raises(l4d.Error, match="absent.ply"):
@@ -263,4 +268,4 @@ def test_render_draws_what_the_tool_draws(folder: pathlib.Path, tmp_path: pathli
     with pytest.raises(ValueError, match="suggests no camera"):
         l4d.open(tmp_path / "none.l4d").render(0.5)
     with pytest.raises(l4d.Error, match="camera"):
-        stream.render(0.5, dataclasses.replace(camera, viewmat=2 * np.eye(4)))
+        stream.render(0.5, dataclasses.replace(camera, viewmat=2 * np.eye(4)[:3]))
