@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "cli/text/progress.h"
 #include "cli/text/units.h"
 #include "io/formats/write_4dgs.h"
 
@@ -44,7 +45,7 @@ void print_notes(Context& context, const io::WriteNotes& notes) {
 void write_births(Context& context, const std::string& path, const io::Scene& scene) {
   const auto memory =
       io::hold(context.budget().holder(), io::bytes_to_write_4dgs(scene), "the output as .4dgs");
-  print_notes(context, io::write_4dgs(path, scene));
+  print_notes(context, io::write_4dgs(path, scene, check_interrupt));
 }
 
 }  // namespace l4d::cli

@@ -290,7 +290,7 @@ l4d_status l4dpy_write_splats(const l4d_splat_buffers* splats, uint32_t sh_degre
     copy<float>(splats->sh, 3 * n * (sh_degree + 1) * (sh_degree + 1), &s.sh);
     const l4d::io::WriteNotes found = l4d::io::write_instant_file(
         path, extension, std::move(s),
-        {setting->placement, setting->rendering, setting->presentation.metres_per_unit, {}});
+        {setting->placement, setting->rendering, setting->presentation.metres_per_unit, {}, {}});
     put_notes(l4d::io::loss_of_instants(extension) + '\n', found, notes, size);
   });
 }

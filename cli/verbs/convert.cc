@@ -115,11 +115,11 @@ void write_instants(Context& context, const std::string& name, const io::Scene& 
   notes->emplace(io::loss_of_instants(extension), 0);
   for (size_t k = 0; k < times.size(); ++k) {
     check_interrupt();
-    add_notes(
-        io::write_instant_file(paths[k], extension, take_splats(decoder.slice(times[k])),
-                               {scene.placement, scene.rendering,
-                                scene.presentation.metres_per_unit, context.budget().holder()}),
-        notes);
+    add_notes(io::write_instant_file(
+                  paths[k], extension, take_splats(decoder.slice(times[k])),
+                  {scene.placement, scene.rendering, scene.presentation.metres_per_unit,
+                   context.budget().holder(), check_interrupt}),
+              notes);
   }
 }
 

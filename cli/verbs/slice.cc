@@ -74,7 +74,8 @@ Slices write_slices(Context& context, const Input& input, ShownScene& scene,
                     const l4d_operating_point& point) {
   Slices slices;
   const io::InstantSetting setting{scene.placement(), scene.rendering(),
-                                   scene.presentation().metres_per_unit, context.budget().holder()};
+                                   scene.presentation().metres_per_unit, context.budget().holder(),
+                                   check_interrupt};
   Progress progress(context, "slice");
   for (size_t k = 0; k < times.size(); ++k) {
     check_interrupt();

@@ -17,6 +17,13 @@ inline std::shared_ptr<void> hold(const Hold& holder, uint64_t bytes, const std:
   return holder ? holder(bytes, what) : nullptr;
 }
 
+// Called now and then by what takes long; throws where the caller no longer wants it. May be empty.
+using Check = std::function<void()>;
+
+inline void call(const Check& check) {
+  if (check) check();
+}
+
 // The one budget of a process, from which all that reads input takes. It may be used by several
 // threads; what was taken may outlive it.
 class MemoryBudget {

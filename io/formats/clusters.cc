@@ -104,10 +104,11 @@ class RowDivider {
     std::iota(order_.begin(), order_.end(), 0U);
   }
 
-  RowPalette divide(size_t count) {
+  RowPalette divide(size_t count, const Check& check) {
     std::priority_queue<RowCluster> clusters;
     clusters.push(cluster_of(0, order_.size()));
     while (clusters.size() < count && clusters.top().error > 0) {
+      call(check);
       RowCluster cluster = clusters.top();
       clusters.pop();
       const size_t middle = partition(cluster);
@@ -229,9 +230,10 @@ uint8_t nearest_code(const std::vector<float>& codebook, float value) {
   return static_cast<uint8_t>(above - codebook.begin() - (is_below ? 1 : 0));
 }
 
-RowPalette palette_of(const std::vector<float>& rows, size_t width, size_t count) {
+RowPalette palette_of(const std::vector<float>& rows, size_t width, size_t count,
+                      const Check& check) {
   if (rows.empty()) return {};
-  return RowDivider(rows, width).divide(count);
+  return RowDivider(rows, width).divide(count, check);
 }
 
 }  // namespace l4d::io

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "io/file/memory.h"
+
 namespace l4d::io {
 
 // 256 values in ascending order that lie close to all of these, by squared distance.
@@ -20,6 +22,7 @@ struct RowPalette {
 };
 // At most `count` means of rows: those that lie furthest from their mean are divided, again and
 // again, across the direction in which they differ most.
-RowPalette palette_of(const std::vector<float>& rows /* [N, width] */, size_t width, size_t count);
+RowPalette palette_of(const std::vector<float>& rows /* [N, width] */, size_t width, size_t count,
+                      const Check& check = {});
 
 }  // namespace l4d::io

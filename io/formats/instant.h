@@ -17,6 +17,7 @@ struct InstantSetting {
   l4d_rendering rendering = default_rendering();
   double metres_per_unit = 0;  // of l4d_presentation
   Hold holder;                 // counts what a writer takes besides the Gaussians
+  Check check;
 };
 
 // Fails with L4D_ERR_INVALID_SCENE, in the name of `path`.

@@ -72,8 +72,9 @@ struct Place {
 
 class FdgsWriter {
  public:
-  FdgsWriter(const std::string& path, const Scene& scene)
+  FdgsWriter(const std::string& path, const Scene& scene, const Check& check)
       : scene_(scene),
+        check_(check),
         born_(fdgs::born_scene(scene, path, &notes_)),
         grids_(fdgs::grids_of(born_)),
         file_(path) {
@@ -389,6 +390,7 @@ class FdgsWriter {
     }
     Bytes out;
     for (size_t id = 0; id < values.size(); ++id) {
+      call(check_);
       const Bytes stream =
           fdgs::pack_stream(static_cast<uint8_t>(id), fdgs::kChannels[id], values[id]);
       out.insert(out.end(), stream.begin(), stream.end());
@@ -398,6 +400,7 @@ class FdgsWriter {
 
   // Red, then green, then blue, of each Gaussian.
   Bytes band_of(const ChunkOfScene& chunk, uint32_t band) {
+    call(check_);
     const size_t numbers = 2 * size_t{band} + 1;
     std::vector<int32_t> bytes;
     bytes.reserve(3 * numbers * chunk.gaussians.size());
@@ -459,6 +462,7 @@ class FdgsWriter {
   }
 
   const Scene& scene_;
+  const Check& check_;
   WriteNotes notes_;
   fdgs::BornScene born_;
   fdgs::Grids grids_;
@@ -476,8 +480,8 @@ uint64_t bytes_to_write_4dgs(const Scene& scene) {
   return scene.count() * (sizeof(Born) + 3 * sizeof(double) + kOfOrder + kForms * bins);
 }
 
-WriteNotes write_4dgs(const std::string& path, const Scene& scene) {
-  return FdgsWriter(path, scene).write();
+WriteNotes write_4dgs(const std::string& path, const Scene& scene, const Check& check) {
+  return FdgsWriter(path, scene, check).write();
 }
 
 }  // namespace l4d::io

@@ -11,6 +11,6 @@ namespace l4d::io {
 // success. What it rounds to is in docs/formats.md. Throws Error.
 // Memory that write_4dgs takes beside the scene, at most.
 uint64_t bytes_to_write_4dgs(const Scene& scene);
-WriteNotes write_4dgs(const std::string& path, const Scene& scene);
+WriteNotes write_4dgs(const std::string& path, const Scene& scene, const Check& check = {});
 
 }  // namespace l4d::io

@@ -58,8 +58,8 @@ double log_of(float x) {
 
 class SogWriter {
  public:
-  SogWriter(const std::string& path, const Splats& splats)
-      : path_(path), splats_(splats), order_(order_in_space(splats)), zip_(path) {
+  SogWriter(const std::string& path, const Splats& splats, const Check& check)
+      : path_(path), splats_(splats), check_(check), order_(order_in_space(splats)), zip_(path) {
     const double side = std::ceil(std::sqrt(static_cast<double>(splats.count())) / 4) * 4;
     width_ = static_cast<uint32_t>(side);
     height_ = static_cast<uint32_t>((splats.count() + width_ - 1) / width_);
@@ -82,6 +82,7 @@ class SogWriter {
   // Pixel k is of Gaussian order_[k].
   template <typename Row>
   void add_image(const std::string& name, const Row& row) {
+    call(check_);
     RgbaImage image{width_, height_, {}, nullptr};
     image.rgba.resize(4 * image.pixels());
     for (size_t k = 0; k < order_.size(); ++k) row(order_[k], &image.rgba[4 * k]);
@@ -177,7 +178,7 @@ class SogWriter {
     }
     size_t most = 1;
     while (2 * most <= std::min(splats_.count(), kMostCentroids)) most *= 2;
-    const RowPalette palette = palette_of(rows, 3 * rest, most);
+    const RowPalette palette = palette_of(rows, 3 * rest, most, check_);
     const size_t count = palette.centroids.size() / (3 * rest);
     const std::vector<float> book = codebook_of(palette.centroids);
     add_image("shN_labels.webp", [&](size_t i, uint8_t* pixel) {
@@ -205,6 +206,7 @@ class SogWriter {
 
   std::string path_;
   const Splats& splats_;
+  const Check& check_;
   std::vector<uint32_t> order_;
   ZipWriter zip_;
   uint32_t width_ = 0, height_ = 0;
@@ -231,7 +233,7 @@ WriteNotes write_sog(const std::string& path, Splats splats, const InstantSettin
   }
   const auto memory =
       hold(setting.holder, bytes_to_write(splats.count(), splats.sh_degree), path + " as SOG");
-  SogWriter(path, splats).write();
+  SogWriter(path, splats, setting.check).write();
   return {};
 }
 

@@ -4,6 +4,7 @@
 #include <functional>
 #include <limits>
 
+#include "io/formats/clusters.h"
 #include "io/formats/scene_file.h"
 #include "io/formats/write_4dgs.h"
 #include "io/ply/scene_ply.h"
@@ -71,6 +72,30 @@ TEST_F(FdgsOutTest, LostStatementsAreNoted) {
   plain.timeline.time_begin = 0;
   set_fps(plain.timeline, 30);
   EXPECT_TRUE(write_ftgs_ply(path("a.ply"), plain).empty());
+}
+
+// Each of the writers asks often enough: for each of the columns and bands, and while it looks for
+// a palette.
+TEST_F(FdgsOutTest, WritersEndWhereTheyAreTold) {
+  size_t left = 0;
+  const Check check = [&] {
+    if (left-- == 0) throw Error(L4D_ERR_CANCELLED, "no longer wanted");
+  };
+  const Scene scene = seen_scene(20, 2);
+  for (left = 0; left < 12;) {
+    const size_t calls = left;
+    EXPECT_EQ(test::status_of([&] { write_4dgs(path("a.4dgs"), scene, check); }),
+              L4D_ERR_CANCELLED);
+    left = calls + 1;
+  }
+  EXPECT_EQ(test::status_of([&] {
+              std::vector<float> rows(40);
+              for (size_t i = 0; i < rows.size(); ++i) rows[i] = static_cast<float>(i);
+              left = 15;
+              palette_of(rows, 2, 20, check);
+            }),
+            L4D_ERR_CANCELLED);
+  EXPECT_EQ(files_in_directory(), 0U);
 }
 
 TEST_F(FdgsOutTest, NumbersThatAreNotFiniteAreRefused) {
