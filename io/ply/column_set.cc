@@ -216,8 +216,7 @@ void ColumnSet::leave_out_zeros() {
   scene_.resize(kept);
   if (!positions_.empty()) positions_.resize(3 * kept);
   if (!times_.empty()) times_.resize(kept);
-  scene_.notes.push_back(std::to_string(count - kept) + " of " + std::to_string(count) +
-                         " rows are nothing but zeros and were left out.");
+  scene_.notes.push_back(zeros_note(count - kept, count));
 }
 
 // To coefficients of degree 0.

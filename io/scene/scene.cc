@@ -183,6 +183,11 @@ std::pair<std::string, long> split_number(const std::string& name) {
 
 }  // namespace
 
+std::string zeros_note(size_t left_out, size_t rows) {
+  return std::to_string(left_out) + " of " + std::to_string(rows) +
+         " rows are nothing but zeros and were left out.";
+}
+
 std::string list_of_names(const std::vector<std::string>& names) {
   constexpr size_t kMost = 20;
   std::string text;

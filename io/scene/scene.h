@@ -71,6 +71,8 @@ double logit(double opacity);
 // "a, b_0 .. b_44, c": names that only differ in a number at their end, counted upwards, as one. At
 // most 20 of them are written.
 std::string list_of_names(const std::vector<std::string>& names);
+// On rows of a file that stand for no Gaussian.
+std::string zeros_note(size_t left_out, size_t rows);
 
 // 3D Gaussians at one instant, as l4d_splat_buffers describes them.
 struct Splats {

@@ -180,6 +180,17 @@ TEST_F(SpzTest, SplatRowsAreRead) {
   EXPECT_NEAR(scene.sh[0] * 0.28209479F + 0.5F, 1, 1e-6);
   EXPECT_NEAR(scene.sh[2] * 0.28209479F + 0.5F, 0.2, 1e-6);
   EXPECT_EQ(scene.rotor[0], 1);
+  const Scene without = read_scene_file(
+      write("zeros.splat", std::string(32, 0) + bytes + std::string(64, 0)), "zeros.splat");
+  EXPECT_EQ(without.count(), 1U);
+  EXPECT_EQ(std::count(without.notes.begin(), without.notes.end(),
+                       "3 of 4 rows are nothing but zeros and were left out."),
+            1);
+  std::string negative = bytes;
+  negative[15] = static_cast<char>(0x80 | negative[15]);
+  EXPECT_EQ(test::status_of(
+                [&] { read_scene_file(write("negative.splat", negative), "negative.splat"); }),
+            L4D_ERR_INVALID_SCENE);
   const std::string cut = write("b.splat", bytes + "x");
   EXPECT_EQ(test::status_of([&] { read_scene_file(cut, cut); }), L4D_ERR_CORRUPT);
 }
