@@ -124,7 +124,7 @@ Outcome run_cameras(Context& context, const CamerasArguments& arguments) {
   }
   Output output(context, arguments.output, "--output", true);
   if (arguments.from.empty()) set = make_cameras(context, arguments);
-  note_cameras(context, set);
+  for (const std::string& note : set.notes) context.note(note);
   note_left_out(context, set);
   io::write_cameras(output.path(), set);
   const uint64_t bytes = output.finish();
