@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/camera/colmap.h"
+#include "io/file/json_text.h"
 
 namespace l4d::io {
 namespace {
@@ -33,8 +34,10 @@ CameraSet read_json(InputFile& file, bool any_path, const Hold& holder) {
   // Twice a camera, for a list that grows.
   const std::shared_ptr<void> memory =
       hold(holder, json_bytes(text.data(), text.size(), 2 * sizeof(Camera)), path);
+  Json root;
+  const std::string wrong = parse_json(text.data(), text.data() + text.size(), &root);
+  if (!wrong.empty()) place.fail(wrong);
   try {
-    const Json root = Json::parse(text.begin(), text.end());
     if (root.is_object() && root.contains("cameras")) return read_cameras_json(path, root);
     if (root.is_object() && root.contains("camera_path")) return read_camera_path(path, root);
     if (root.is_object() && root.contains("frames")) return read_transforms(path, root, any_path);

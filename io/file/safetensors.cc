@@ -10,6 +10,7 @@
 #include <optional>
 #include <utility>
 
+#include "io/file/json_text.h"
 #include "io/file/little_endian.h"
 
 namespace l4d::io {
@@ -75,7 +76,9 @@ TensorFile::TensorFile(InputFile file, const Hold& holder) : file_(std::move(fil
   if (file_.read(text.data(), text.size()) != text.size()) fail("the header ends early");
   const std::shared_ptr<void> memory = hold(
       holder, json_bytes(text.data(), text.size(), 2 * sizeof(Entry)), path() + ": its header");
-  const Json root = Json::parse(text, nullptr, false);
+  Json root;
+  const std::string wrong = parse_json(text.data(), text.data() + text.size(), &root);
+  if (!wrong.empty()) fail("byte 8: the header: " + wrong);
   if (!root.is_object()) fail("byte 8: the header is not an object of JSON");
   const uint64_t data_bytes = file_.size() - header_bytes_;
   for (const auto& [name, object] : root.items()) {

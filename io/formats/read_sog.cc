@@ -10,6 +10,7 @@
 #include <optional>
 #include <utility>
 
+#include "io/file/json_text.h"
 #include "io/formats/inflate.h"
 #include "io/formats/readers.h"
 #include "io/formats/webp.h"
@@ -82,7 +83,8 @@ class SogReader {
     const char* begin = reinterpret_cast<const char*>(text.data());
     const std::shared_ptr<void> parsed =
         hold(options_.holder, json_bytes(begin, text.size(), 0), path_ + ": meta.json");
-    meta_ = Json::parse(begin, begin + text.size(), nullptr, false);
+    const std::string wrong = parse_json(begin, begin + text.size(), &meta_);
+    if (!wrong.empty()) fail("meta.json: " + wrong);
     if (!meta_.is_object()) fail("meta.json is no object of JSON");
     has_codebooks_ = meta_.contains("version");
     if (has_codebooks_ && meta_["version"] != 2) {

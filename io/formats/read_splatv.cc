@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "io/file/json_text.h"
 #include "io/file/little_endian.h"
 #include "io/formats/inflate.h"
 #include "io/formats/readers.h"
@@ -91,7 +92,9 @@ class SplatvReader {
     const char* text = reinterpret_cast<const char*>(&file_[0]) + kListBegin;
     list_memory_ = hold(options_.holder, json_bytes(text, static_cast<size_t>(bytes), 0),
                         path_ + ": its list of chunks");
-    Json list = Json::parse(text, text + bytes, nullptr, false);
+    Json list;
+    const std::string wrong = parse_json(text, text + bytes, &list);
+    if (!wrong.empty()) fail("byte 8: the list of chunks: " + wrong);
     if (!list.is_array()) fail("byte 8: there is no list of chunks in JSON");
     uint64_t at = kListBegin + bytes;
     std::vector<std::string> unread;

@@ -45,7 +45,7 @@ expect 4 info b.4dgs
 expect_text err 'b.4dgs: no .4dgs file'
 zip a.sog meta.json
 expect 4 encode a.sog -o x.l4d
-expect_text err 'a.sog: meta.json is no object'
+expect_text err 'a.sog: meta.json'
 zip b.sog image.webp
 expect 4 info b.sog
 expect_text err 'b.sog: the ZIP archive has no file meta.json'

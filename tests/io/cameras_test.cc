@@ -76,6 +76,11 @@ TEST_F(CamerasTest, JsonThatIsWrongIsNamed) {
       {"\"frames\": 50", "\"frames\": 16777217", "frames is no whole number from 0 to 16777216"},
       {"\"fps\": 25", "\"fps\": -25", "fps is not from 0 to 1000000"},
       {"\"cameras\"", "\"Cameras\"", "frames is not a list"},
+      {"\"fps\": 25", "\"fps\": 24, \"fps\": 25", "an object has a key twice"},
+      {"\"id\": 3", "\"id\": 5, \"id\": 3", "an object in cameras has a key twice"},
+      {"500, 0, 300], [0, 400, 200]", "500, 0, 0.5], [0, 400, 0.5]",
+       "camera 7: the principal point is (0.5, 0.5) of an image of 640 x 480"},
+      {"500, 0, 300", "0.9, 0, 300", "camera 7: the focal length is 0.9 of an image"},
       {"\"cameras\": [", "\"cameras\": [5,", "entry 0 of cameras: not an object"},
   };
   for (const auto& c : cases) {

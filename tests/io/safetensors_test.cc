@@ -78,7 +78,7 @@ TEST(TensorFile, RefusesWrongHeaders) {
   };
   tensor("[2]", "[0,8]")();
   expect_failure(L4D_ERR_CORRUPT, "not an object", header("[1]"));
-  expect_failure(L4D_ERR_CORRUPT, "not an object", header("{\"a\":"));
+  expect_failure(L4D_ERR_CORRUPT, "byte 8: the header: ", header("{\"a\":"));
   expect_failure(L4D_ERR_CORRUPT, "dtype, shape and data_offsets of a", header(R"({"a":1})"));
   expect_failure(L4D_ERR_CORRUPT, "dtype, shape and data_offsets of a", tensor("[-1]", "[0,8]"));
   expect_failure(L4D_ERR_CORRUPT, "dtype, shape and data_offsets of a", tensor("[1.5]", "[0,8]"));
