@@ -31,12 +31,8 @@ CameraSet read_camera_path(const std::string& path, const Json& root) {
   if (!cameras.is_array()) file.fail("camera_path is not a list");
   for (size_t k = 0; k < cameras.size(); ++k) {
     const CameraPlace place{path, "entry " + std::to_string(k) + " of camera_path"};
-    const Json& list = member(place, cameras[k], "camera_to_world");
-    if (!list.is_array() || list.size() != 16) {
-      place.fail("camera_to_world is not a list of 16 numbers");
-    }
     double c2w[16], axes[9], center[3];
-    for (size_t i = 0; i < 16; ++i) c2w[i] = finite_number(place, list[i], "camera_to_world");
+    numbers(place, cameras[k], "camera_to_world", 16, c2w);
     check_last_row(place, "camera_to_world", c2w + 12);
     for (size_t r = 0; r < 3; ++r) {
       axes[3 * r] = c2w[4 * r];

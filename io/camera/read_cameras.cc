@@ -38,13 +38,16 @@ CameraSet read_json(InputFile& file, bool any_path, const Hold& holder) {
   const std::string wrong = parse_json(text.data(), text.data() + text.size(), &root);
   if (!wrong.empty()) place.fail(wrong);
   try {
+    if (root.is_array()) return read_3dgs_cameras(path, root);
     if (root.is_object() && root.contains("cameras")) return read_cameras_json(path, root);
     if (root.is_object() && root.contains("camera_path")) return read_camera_path(path, root);
     if (root.is_object() && root.contains("frames")) return read_transforms(path, root, any_path);
   } catch (const Json::exception& error) {
     place.fail(error.what());
   }
-  place.fail("no file of cameras: none of `cameras`, `camera_path` and `frames` is there");
+  place.fail(
+      "no file of cameras: it is no list, and none of `cameras`, `camera_path` and `frames` is "
+      "there");
 }
 
 // The cameras of a folder: a model of COLMAP.
@@ -105,6 +108,15 @@ std::string text_or(const CameraPlace& place, const Json& object, const char* ke
   const Json& value = object.at(key);
   if (!value.is_string()) place.fail(std::string(key) + " is not a text");
   return value.get<std::string>();
+}
+
+void numbers(const CameraPlace& place, const Json& object, const char* key, size_t count,
+             double* out) {
+  const Json& value = member(place, object, key);
+  if (!value.is_array() || value.size() != count) {
+    place.fail(std::string(key) + " is not a list of " + std::to_string(count) + " numbers");
+  }
+  for (size_t k = 0; k < count; ++k) out[k] = finite_number(place, value[k], key);
 }
 
 void matrix(const CameraPlace& place, const Json& object, const char* key, size_t rows,

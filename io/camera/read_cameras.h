@@ -13,6 +13,7 @@ namespace l4d::io {
 // The readers read_cameras() chooses between. Those of JSON may let its exceptions pass.
 CameraSet read_cameras_json(const std::string& path, const nlohmann::json& root);
 CameraSet read_transforms(const std::string& path, const nlohmann::json& root, bool any_path);
+CameraSet read_3dgs_cameras(const std::string& path, const nlohmann::json& root);
 CameraSet read_camera_path(const std::string& path, const nlohmann::json& root);
 CameraSet read_poses_bounds(InputFile& file, const Hold& holder);
 
@@ -38,6 +39,9 @@ uint32_t whole_number(const CameraPlace& place, const nlohmann::json& object, co
                       uint32_t max);
 std::string text_or(const CameraPlace& place, const nlohmann::json& object, const char* key,
                     const std::string& fallback);
+// An array of `count` numbers.
+void numbers(const CameraPlace& place, const nlohmann::json& object, const char* key, size_t count,
+             double* out);
 // An array of `rows` arrays of `columns` numbers, into row-major `out`.
 void matrix(const CameraPlace& place, const nlohmann::json& object, const char* key, size_t rows,
             size_t columns, double* out);

@@ -290,6 +290,22 @@ TEST_F(CamerasTest, ListsOfColmapAreReadWholeOrRefused) {
   }
 }
 
+TEST_F(CamerasTest, ListOf3dgs) {
+  // right, down and forward are the columns of the rotation
+  const std::string text = R"([{"id": 0, "img_name": "a", "width": 640, "height": 480,
+   "position": [5, 0, 0], "rotation": [[0, 0, -1], [1, 0, 0], [0, -1, 0]], "fy": 400, "fx": 500}])";
+  const CameraSet set = read_cameras(write("cameras.json", text));
+  EXPECT_EQ(set.source, "3dgs_cameras");
+  EXPECT_EQ(set.frames, 0U);  // cameras at rest, for any instant
+  ASSERT_EQ(set.cameras.size(), 1U);
+  test::expect_pixel(set.cameras[0].camera, 320 + 500 * 0.4 / 4, 240 - 400 * 0.6 / 4);
+  std::string message;
+  const std::string two = test::replaced(text, "[5, 0, 0]", "[5, 0]");
+  EXPECT_EQ(status("cameras.json", two, &message), L4D_ERR_CORRUPT);
+  EXPECT_NE(message.find("entry 0: position is not a list of 3 numbers"), std::string::npos)
+      << message;
+}
+
 TEST_F(CamerasTest, TransformsFindNamesWithDots) {
   std::string text = test::replaced(test::kTransforms, "./train/r_000", "./train/r_0.5");
   text = test::replaced(text, "train/r_001.jpg", "train/\xd0\xba 1");
