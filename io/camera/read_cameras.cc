@@ -174,6 +174,24 @@ void check_range(const CameraPlace& place, const std::string& what, double value
              " to " + decimal(most));
 }
 
+// Some programs write both as shares of the image. As pixels they would be a corner, and a field of
+// view of nearly 180 degrees.
+void check_shares(const CameraPlace& place, const Camera& seen) {
+  const l4d_camera& camera = seen.camera;
+  if (std::min(camera.width, camera.height) < 16) return;
+  if (camera.cx > 0 && camera.cx <= 1 && camera.cy > 0 && camera.cy <= 1) {
+    place.fail("the principal point is (" + decimal(camera.cx) + ", " + decimal(camera.cy) +
+               ") of an image of " + std::to_string(camera.width) + " x " +
+               std::to_string(camera.height) + "; it is in pixels, not in shares of the image");
+  }
+  const bool is_pinhole = seen.distortion.model != Distortion::Model::kFisheye;
+  if (is_pinhole && camera.fx < static_cast<double>(camera.width) / 200) {
+    place.fail("the focal length is " + decimal(camera.fx) + " of an image that is " +
+               std::to_string(camera.width) +
+               " wide; it is in pixels, not in shares of the image or in millimetres");
+  }
+}
+
 void check_ranges(const CameraPlace& place, const Camera& seen) {
   const l4d_camera& camera = seen.camera;
   for (const double focal : {camera.fx, camera.fy}) {
@@ -181,6 +199,7 @@ void check_ranges(const CameraPlace& place, const Camera& seen) {
     place.fail("the focal length is " + decimal(focal) + "; it must be " + decimal(kMinFocal) +
                " to " + decimal(kMaxPixels) + " pixels");
   }
+  check_shares(place, seen);
   check_range(place, "the principal point", camera.cx, kMaxPixels);
   check_range(place, "the principal point", camera.cy, kMaxPixels);
   for (size_t k = 3; k < 12; k += 4) {
