@@ -227,10 +227,29 @@ class TransformsReader {
     const double height = static_cast<double>(camera.height);
     camera.cx = number_or(place, owner_of(frame, root_, "cx"), "cx", width / 2);
     camera.cy = number_or(place, owner_of(frame, root_, "cy"), "cy", height / 2);
+    compare_angles(frame, camera);
     out.distortion = distortion_of(place, frame);
     set_opengl_pose(place, frame, camera);
     check_camera(place, out);
     return out;
+  }
+
+  // What states a focal length in pixels and as an angle states it twice; pixels are taken.
+  void compare_angles(const Json& frame, const l4d_camera& camera) {
+    const auto differs = [&](const char* focal_key, const char* angle_key, double focal,
+                             uint32_t size) {
+      const Json& angle = owner_of(frame, root_, angle_key);
+      if (!owner_of(frame, root_, focal_key).contains(focal_key) || !angle.contains(angle_key) ||
+          !angle.at(angle_key).is_number()) {
+        return false;
+      }
+      const double tangent = std::tan(0.5 * angle.at(angle_key).get<double>());
+      return !(std::abs(focal * tangent / (0.5 * static_cast<double>(size)) - 1) <= 0.01);
+    };
+    if (differs("fl_x", "camera_angle_x", camera.fx, camera.width) ||
+        differs("fl_y", "camera_angle_y", camera.fy, camera.height)) {
+      ++with_other_angle_;
+    }
   }
 
   // Refuses what is no lens that is known, and what flags of other programs say of one.
@@ -320,6 +339,12 @@ class TransformsReader {
                            std::to_string(without_size_) +
                            " cameras; they are taken to have 800 x 800 pixels.");
     }
+    if (with_other_angle_ > 0) {
+      set_.notes.push_back(
+          "Cameras whose camera_angle differs from their focal length in pixels, "
+          "which is taken: " +
+          std::to_string(with_other_angle_) + ".");
+    }
     for (const char* key : {"applied_transform", "applied_scale"}) {
       if (!root_.contains(key)) continue;
       set_.notes.push_back(std::string(key) +
@@ -337,7 +362,7 @@ class TransformsReader {
   const Json& root_;
   bool any_path_;
   CameraSet set_;
-  size_t without_size_ = 0, with_time_ = 0;
+  size_t without_size_ = 0, with_time_ = 0, with_other_angle_ = 0;
 };
 
 }  // namespace

@@ -330,6 +330,7 @@ TEST_F(CamerasTest, TransformsTakeSizesOfJpegs) {
   EXPECT_EQ(set.cameras[0].camera.width, 640U);
   EXPECT_EQ(set.cameras[0].camera.height, 320U);
   EXPECT_EQ(set.cameras[0].camera.fx, 500);
+  EXPECT_TRUE(set.notes.empty()) << set.notes[0];  // its angle is that of the focal length
   // A focal length in pixels of how many?
   std::string message;
   write("train/r_001.jpg", jpeg.substr(0, 14));
@@ -401,10 +402,11 @@ TEST_F(CamerasTest, TransformsWithIntrinsicsPerFileAndFrame) {
   EXPECT_EQ(set.cameras[1].camera.height, 480U);
   EXPECT_EQ(set.cameras[0].split, "val");
   EXPECT_EQ(set.cameras[1].time.value_or(-1), 2.5);
-  EXPECT_EQ(set.notes.size(), 0U);
+  ASSERT_EQ(set.notes.size(), 1U);
+  EXPECT_NE(set.notes[0].find("camera_angle differs from"), std::string::npos) << set.notes[0];
   const std::vector<std::string> notes = notes_of_pinholes(set);
-  ASSERT_EQ(notes.size(), 1U);
-  EXPECT_NE(notes[0].find("lens distorts, which is left out: 2;"), std::string::npos) << notes[0];
+  ASSERT_EQ(notes.size(), 2U);
+  EXPECT_NE(notes[1].find("lens distorts, which is left out: 2;"), std::string::npos) << notes[1];
 }
 
 TEST_F(CamerasTest, TransformsTakeSizesFromImages) {
