@@ -169,6 +169,17 @@ class SogReader {
     return values;
   }
 
+  // What the codes of each channel span. From end to begin, it would mirror the scene.
+  std::pair<std::vector<double>, std::vector<double>> range_of(const Json& object,
+                                                               size_t channels) const {
+    std::vector<double> least = numbers(object, "mins", channels, channels);
+    std::vector<double> most = numbers(object, "maxs", channels, channels);
+    for (size_t c = 0; c < channels; ++c) {
+      if (least[c] > most[c]) fail("meta.json: mins are above maxs");
+    }
+    return {std::move(least), std::move(most)};
+  }
+
   RgbaImage image_of_any_size(const Json& object, size_t index) const {
     const auto files = object.find("files");
     if (files == object.end() || !files->is_array() || files->size() <= index ||
@@ -200,8 +211,7 @@ class SogReader {
       }
       return codes;
     }
-    const std::vector<double> least = numbers(object, "mins", channels, channels);
-    const std::vector<double> most = numbers(object, "maxs", channels, channels);
+    const auto [least, most] = range_of(object, channels);
     for (size_t c = 0; c < codes.size(); ++c) {
       const size_t from = std::min(c, channels - 1);
       for (size_t k = 0; k < 256; ++k) {
@@ -215,8 +225,7 @@ class SogReader {
   // 16 bits of sign(x) log(1 + |x|).
   void unpack_positions(const RgbaImage& low, const RgbaImage& high, const Json& means,
                         StaticRows* rows) const {
-    const std::vector<double> least = numbers(means, "mins", 3, 3);
-    const std::vector<double> most = numbers(means, "maxs", 3, 3);
+    const auto [least, most] = range_of(means, 3);
     for (size_t i = 0; i < count_; ++i) {
       for (size_t k = 0; k < 3; ++k) {
         const double code = low.at(i)[k] + 256.0 * high.at(i)[k];

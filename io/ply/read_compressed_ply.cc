@@ -131,6 +131,17 @@ void read_elements(PlyReader& reader, Packed* packed, StaticRows* rows) {
   }
 }
 
+// A range from its end to its begin would mirror what is in its chunk.
+void check_ranges(const PlyReader& reader, const Packed& packed) {
+  for (size_t i = 0; i < packed.ranges.size(); i += kRanges) {
+    for (size_t k = 0; k < kRanges; k = k % 6 == 2 ? k + 4 : k + 1) {
+      if (!(packed.ranges[i + k] > packed.ranges[i + k + 3])) continue;
+      reader.fail(L4D_ERR_CORRUPT, "element chunk, row " + std::to_string(i / kRanges) + ": " +
+                                       kRangeNames[k] + " is above " + kRangeNames[k + 3]);
+    }
+  }
+}
+
 void unpack(const Packed& packed, StaticRows* rows) {
   const size_t numbers = size_t{3} * (rows->sh_degree + 1) * (rows->sh_degree + 1);
   for (size_t i = 0; i < rows->opacity.size(); ++i) {
@@ -212,6 +223,7 @@ Scene read_compressed_ply(PlyReader& reader, const ImportOptions& options) {
   packed.values.resize(static_cast<size_t>(count) * 4);
   StaticRows rows(static_cast<size_t>(count), degree);
   read_elements(reader, &packed, &rows);
+  check_ranges(reader, packed);
   unpack(packed, &rows);
   Scene scene = static_scene(std::move(rows), "compressed_ply", options);
   read_placement(reader, scene);

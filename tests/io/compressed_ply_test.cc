@@ -152,6 +152,20 @@ TEST_F(CompressedPlyTest, WhatDoesNotFitTogetherIsRefused) {
   EXPECT_EQ(test::status_of([&] { read(bytes); }), L4D_ERR_CORRUPT);
 }
 
+TEST_F(CompressedPlyTest, RangesFromEndToBeginAreRefused) {
+  std::string file = file_of({});
+  std::string bytes[2];
+  test::append(bytes[0], -4.0F);  // the largest of the scales along x, of the first chunk
+  test::append(bytes[1], -8.5F);
+  const size_t at = file.find(bytes[0], file.find("end_header"));
+  file.replace(at + 4, 4, bytes[1]);  // after min_scale_z, which is -4, too
+  std::string message;
+  EXPECT_EQ(test::status_of([&] { read(file); }, &message), L4D_ERR_CORRUPT);
+  EXPECT_NE(message.find("element chunk, row 0: min_scale_x is above max_scale_x"),
+            std::string::npos)
+      << message;
+}
+
 TEST_F(CompressedPlyTest, EveryTruncationIsRefused) {
   Parts parts;
   parts.count = 3;

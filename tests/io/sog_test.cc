@@ -203,6 +203,11 @@ TEST_F(SogTest, WhatDoesNotFitTogetherIsRefused) {
                            "\"codebook\"", "\"files\"", "\"count\"", "\"bands\"", "\"l.webp\""}) {
     EXPECT_EQ(status({}, without(word)), L4D_ERR_CORRUPT) << word;
   }
+  EXPECT_EQ(status({}, test::replaced(good, "\"mins\":[-1,", "\"mins\":[1.5,")), L4D_ERR_CORRUPT);
+  EXPECT_NE(message.find("mins are above maxs"), std::string::npos) << message;
+  EXPECT_EQ(status({}, test::replaced(good, "\"mins\"", "\"maxs\":[9,9,9],\"mins\"")),
+            L4D_ERR_CORRUPT);
+  EXPECT_NE(message.find("an object in means has a key twice"), std::string::npos) << message;
   for (const char* text : {"[]", "{", "{\"version\":2}", "{\"means\":{}}", "\xff"}) {
     EXPECT_EQ(status({}, text), L4D_ERR_CORRUPT) << text;
   }
