@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/verbs/frame_sink.h"
 
+#include "cli/text/progress.h"
+
 namespace l4d::cli {
 
 FrameSink::FrameSink(Context& context, const std::vector<std::string>& names) {
@@ -15,7 +17,7 @@ void FrameSink::write(size_t frame, const io::Image& image) {
   if (video_) {
     video_->write(image);
   } else {
-    io::write_png(outputs_[frame]->path(), image);
+    io::write_png(outputs_[frame]->path(), image, check_interrupt);
     bytes_ += outputs_[frame]->finish();
   }
 }

@@ -94,6 +94,78 @@ class PngReadStruct {
   png_infop info = nullptr;
 };
 
+// What libpng has written of an image and is not yet in its file. No exception may pass through
+// libpng: it is told of memory that is not there as of an error.
+struct PngTarget {
+  std::vector<uint8_t> bytes;
+  char message[160] = "";
+
+  void flush(OutputFile* file) {
+    file->write(bytes.data(), bytes.size());
+    bytes.clear();
+  }
+};
+
+bool append(std::vector<uint8_t>* to, const uint8_t* bytes, size_t n) noexcept {
+  try {
+    to->insert(to->end(), bytes, bytes + n);
+    return true;
+  } catch (const std::bad_alloc&) {
+    return false;
+  }
+}
+
+[[noreturn]] void on_write_error(png_structp png, png_const_charp message) {
+  auto* target = static_cast<PngTarget*>(png_get_error_ptr(png));
+  std::snprintf(target->message, sizeof(target->message), "%s", message);
+  png_longjmp(png, 1);
+}
+
+void on_write(png_structp png, png_bytep bytes, size_t n) {
+  auto* target = static_cast<PngTarget*>(png_get_io_ptr(png));
+  if (!append(&target->bytes, bytes, n)) png_error(png, "not enough memory");
+}
+
+bool write_begin(png_structp png, png_infop info, uint32_t width, uint32_t height) {
+  if (setjmp(png_jmpbuf(png)) != 0) return false;
+  png_set_write_fn(png, png_get_error_ptr(png), on_write, nullptr);
+  png_set_user_limits(png, kMaxSize, kMaxSize);
+  png_set_IHDR(png, info, width, height, 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
+               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
+  png_write_info(png, info);
+  return true;
+}
+
+bool write_row(png_structp png, const uint8_t* row) {
+  if (setjmp(png_jmpbuf(png)) != 0) return false;
+  png_write_row(png, row);
+  return true;
+}
+
+bool write_end(png_structp png) {
+  if (setjmp(png_jmpbuf(png)) != 0) return false;
+  png_write_end(png, nullptr);
+  return true;
+}
+
+class PngWriteStruct {
+ public:
+  explicit PngWriteStruct(PngTarget* target)
+      : png(png_create_write_struct(PNG_LIBPNG_VER_STRING, target, on_write_error, on_warning)) {
+    if (png != nullptr) info = png_create_info_struct(png);
+    if (info != nullptr) return;
+    png_destroy_write_struct(&png, nullptr);
+    throw std::bad_alloc();
+  }
+  ~PngWriteStruct() { png_destroy_write_struct(&png, &info); }
+  PngWriteStruct(const PngWriteStruct&) = delete;
+  PngWriteStruct& operator=(const PngWriteStruct&) = delete;
+
+  png_structp png;
+  png_infop info = nullptr;
+};
+
 float sample(const uint8_t* bytes, unsigned depth) {
   if (depth == 8) return static_cast<float>(*bytes) / 255;
   return static_cast<float>(bytes[0] << 8 | bytes[1]) / 65535;
@@ -246,25 +318,26 @@ std::optional<ByteImage> read_png_bytes(const std::string& path, const ImageLimi
   });
 }
 
-void write_png(const std::string& path, const Image& image) {
+void write_png(const std::string& path, const Image& image, const Check& check) {
   if (image.width < 1 || image.height < 1 || image.width > kMaxSize || image.height > kMaxSize) {
     throw Error(L4D_ERR_INVALID_ARGUMENT,
                 path + ": an image has 1 to " + std::to_string(kMaxSize) + " pixels a side");
   }
-  std::vector<uint8_t> pixels(image.rgb.size());
-  to_bytes(image.rgb.data(), image.rgb.size(), pixels.data());
-  png_image header{};
-  header.version = PNG_IMAGE_VERSION;
-  header.width = image.width;
-  header.height = image.height;
-  header.format = PNG_FORMAT_RGB;
-  std::vector<uint8_t> bytes(PNG_IMAGE_PNG_SIZE_MAX(header));
-  png_alloc_size_t size = bytes.size();
-  if (png_image_write_to_memory(&header, bytes.data(), &size, 0, pixels.data(), 0, nullptr) == 0) {
-    throw Error(L4D_ERR_INTERNAL, path + ": encoding the PNG: " + header.message);
-  }
   OutputFile file(path);
-  file.write(bytes.data(), size);
+  PngTarget target;
+  PngWriteStruct writer(&target);
+  bool good = write_begin(writer.png, writer.info, image.width, image.height);
+  std::vector<uint8_t> row(3 * size_t{image.width});
+  for (size_t y = 0; good && y < image.height; ++y) {
+    call(check);
+    to_bytes(&image.rgb[y * row.size()], row.size(), row.data());
+    good = write_row(writer.png, row.data());
+    target.flush(&file);
+  }
+  if (!good || !write_end(writer.png)) {
+    throw Error(L4D_ERR_INTERNAL, path + ": encoding the PNG: " + target.message);
+  }
+  target.flush(&file);
   file.commit();
 }
 

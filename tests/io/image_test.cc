@@ -69,6 +69,13 @@ TEST_F(ImageTest, PngRoundTripKeepsBytes) {
   const Image back = read_png(path("a.png"));
   EXPECT_TRUE(back.same_size(image));
   EXPECT_TRUE(test::same_bits(back.rgb, image.rgb));
+  // A caller may stop it at each row, and nothing is left.
+  int rows = 0;
+  const auto stop = [&] {
+    if (++rows == 5) throw Error(L4D_ERR_CANCELLED, "stop");
+  };
+  EXPECT_EQ(test::status_of([&] { write_png(path("b.png"), image, stop); }), L4D_ERR_CANCELLED);
+  EXPECT_EQ(files_in_directory(), 1U);
 }
 
 TEST_F(ImageTest, PngClampsAndRounds) {
