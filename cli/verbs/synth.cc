@@ -42,6 +42,7 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
   const Stopwatch watch;
   io::SynthOptions options;
   options.scene = arguments.scene;
+  options.check = check_interrupt;
   options.threads = static_cast<int>(context.options.threads);
   options.seconds = parse_seconds(arguments.seconds, "--seconds");
   options.fps = parse_number(arguments.fps, "--fps");

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "io/file/memory.h"
 #include "io/synth/surface.h"
 
 // Light of the place, baked into the colours of its Gaussians: lamps, and outdoors a low sun beyond
@@ -84,6 +85,6 @@ constexpr size_t kShCoefficients = 16;
 // Coefficients of what the Gaussians show, [dots, 16, 3]: their light and, where they have a gloss,
 // mirrors.
 std::vector<float> mirror(const std::vector<Dot>& dots, const std::vector<Vec3>& linear,
-                          const Light& light, int threads);
+                          const Light& light, int threads, const Check& check);
 
 }  // namespace l4d::io::synth

@@ -119,7 +119,7 @@ class Mirror {
 }  // namespace
 
 std::vector<float> mirror(const std::vector<Dot>& dots, const std::vector<Vec3>& linear,
-                          const Light& light, int threads) {
+                          const Light& light, int threads, const Check& check) {
   std::vector<float> sh(dots.size() * K * 3);
   std::vector<std::pair<Cell, size_t>> glossy;
   for (size_t i = 0; i < dots.size(); ++i) {
@@ -140,6 +140,7 @@ std::vector<float> mirror(const std::vector<Dot>& dots, const std::vector<Vec3>&
   starts.push_back(glossy.size());
   const Looks looks;
   parallel_for(threads, starts.size() - 1, 8, [&](size_t begin, size_t end) {
+    call(check);
     for (size_t g = begin; g < end; ++g) {
       const Mirror cell(looks, light, dots[glossy[starts[g]].second]);
       for (size_t k = starts[g]; k < starts[g + 1]; ++k) {

@@ -117,13 +117,14 @@ void light_up(const Place& place, int threads, Scene& scene) {
   const std::vector<Dot>& dots = place.dots;
   std::vector<Vec3> linear(dots.size());
   parallel_for(threads, dots.size(), 1024, [&](size_t begin, size_t end) {
+    call(place.check);
     for (size_t i = begin; i < end; ++i) {
       const bool plain = dots[i].kind == Kind::kChrome && !place.view;
       linear[i] = plain ? place.light.plain_chrome(dots[i]) : place.light.shade(place, dots[i]);
     }
   });
   if (place.view) {
-    scene.sh = mirror(dots, linear, place.light, threads);
+    scene.sh = mirror(dots, linear, place.light, threads, place.check);
     return;
   }
   for (size_t i = 0; i < dots.size(); ++i) {
@@ -172,6 +173,7 @@ Scene make_place(const Design& design, const SynthOptions& options) {
 
   Place place;
   place.seed = options.seed;
+  place.check = options.check;
   choose_effects(options.effects, place);
   const double seconds = duration(scene.timeline), n = static_cast<double>(options.gaussians);
   place.begin = scene.timeline.time_begin;
@@ -191,6 +193,7 @@ Scene make_place(const Design& design, const SynthOptions& options) {
   scene.resize(place.dots.size());
   if (place.windows) scene.window.resize(2 * scene.count());
   parallel_for(options.threads, place.dots.size(), 4096, [&](size_t begin, size_t end) {
+    call(place.check);
     for (size_t i = begin; i < end; ++i) pack(place.dots[i], scene.timeline, i, scene);
   });
   light_up(place, options.threads, scene);

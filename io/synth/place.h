@@ -22,6 +22,7 @@ struct Place : Surfaces {
   uint64_t count = 0;
   std::vector<Dot> dots;
   Light light;
+  Check check;
 
   // Adds the dots of a patch that stands still, after paint(dot) has given them colours.
   template <typename Paint>
@@ -31,6 +32,7 @@ struct Place : Surfaces {
   }
   template <typename Paint>
   void put_always(const Patch& patch, const Paint& paint) {
+    call(check);
     count += patch.size();
     if (counting) return;
     for (Dot d : patch) {
@@ -46,6 +48,7 @@ struct Place : Surfaces {
   // a body never fades as a whole. sigma_t is `reach` of the piece.
   template <typename Pose, typename Paint>
   void chain(const Patch& patch, double piece, double reach, const Pose& pose, const Paint& paint) {
+    call(check);
     for (const Dot& d : patch) {
       const double phase = random_at(4, d.p + Vec3{d.su, 0, 0});
       const int64_t last = static_cast<int64_t>(std::ceil(action / piece));

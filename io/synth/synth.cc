@@ -234,15 +234,17 @@ Scene synthesize(const SynthOptions& options) {
     const std::unique_ptr<Part> part = portion.make(setting);
     const size_t sh_size = 3 * scene.sh_coefficients();
     // Each Gaussian depends on its number alone.
-    parallel_for(0, static_cast<size_t>(end - first), 4096, [&](size_t begin, size_t stop) {
-      for (uint64_t i = first + begin; i < first + stop; ++i) {
-        const Particle particle = part->particle(i - first, end - first);
-        const size_t at = static_cast<size_t>(i);
-        put_particle(particle, scene, at);
-        Rng rng(options.seed, 80, i);
-        put_sh(rng, particle, scene.sh_degree, &scene.sh[sh_size * at]);
-      }
-    });
+    parallel_for(options.threads, static_cast<size_t>(end - first), 4096,
+                 [&](size_t begin, size_t stop) {
+                   call(options.check);
+                   for (uint64_t i = first + begin; i < first + stop; ++i) {
+                     const Particle particle = part->particle(i - first, end - first);
+                     const size_t at = static_cast<size_t>(i);
+                     put_particle(particle, scene, at);
+                     Rng rng(options.seed, 80, i);
+                     put_sh(rng, particle, scene.sh_degree, &scene.sh[sh_size * at]);
+                   }
+                 });
     first = end;
   }
   return scene;

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "io/file/memory.h"
 #include "io/scene/scene.h"
 
 namespace l4d::io {
@@ -27,6 +28,7 @@ struct SynthOptions {
   // all but the last.
   std::vector<std::string> effects;
   int threads = 0;  // 0 = one per core; the result is the same for any number
+  Check check;      // called from several threads
 };
 extern const std::array<const char*, 7> kSynthEffects;  // of the cloud
 extern const std::array<const char*, 7> kPlaceEffects;  // of the square and the room

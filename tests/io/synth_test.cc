@@ -107,6 +107,16 @@ TEST(Synth, BadOptionsAreRefused) {
   EXPECT_EQ(status(options), L4D_ERR_INVALID_ARGUMENT);
 }
 
+TEST(Synth, ACallerMayStopIt) {
+  for (const char* scene : {"cloud", "square", "room"}) {
+    SynthOptions options;
+    options.scene = scene;
+    options.gaussians = 9000;
+    options.check = [] { throw Error(L4D_ERR_CANCELLED, "stop"); };
+    EXPECT_EQ(test::status_of([&] { synthesize(options); }), L4D_ERR_CANCELLED) << scene;
+  }
+}
+
 TEST(Synth, AnyCountAndLengthIsFinite) {
   for (const uint64_t count : {1U, 2U, 7U, 33U, 1000U}) {
     for (const double seconds : {0.01, 1.0, 3600.0, 86400.0}) {
