@@ -6,8 +6,10 @@
 #include <cstdint>
 #include <functional>
 #include <numeric>
+#include <optional>
 #include <utility>
 
+#include "io/camera/vectors.h"
 #include "libl4dcodec/scene/slice.h"
 
 namespace l4d::io {
@@ -26,10 +28,18 @@ constexpr double kNear = 1.5, kBroadest = 0.25, kEnd = 0.02;
 // have; an axis whose ends differ by less than kLeastFoot has none.
 constexpr double kClearer = 0.15, kLeastFoot = 0.1;
 
+// What moves or does not stay is looked at, where there is enough of it to see, and not all of the
+// scene is so: shares of the opacity. It stays if it fades with more than a quarter of the sequence
+// as its standard deviation, and moves if it goes further than a twentieth of the radius meanwhile.
+constexpr double kLeastAction = 0.02, kMostAction = 0.7, kStays = 0.25, kMoves = 0.05;
+constexpr double kSmallestAction = 0.2;  // of the radius of all
+
 struct Point {
   Vec3 at;
   double weight;
   double surface;  // opacity times area
+  bool stays = true;
+  double speed = 0;  // scene units per sequence
 };
 
 using Weighted = std::pair<double, double>;  // value, weight
@@ -65,6 +75,27 @@ double quantile(const std::vector<Point>& points, double share,
   return weighted_quantile(std::move(values), share);
 }
 
+void state_motion(const Scene& scene, size_t i, Point* p) {
+  if (scene.rotor.empty() || scene.mean_t.empty()) return;  // an instant
+  Rotor rotor;
+  Vec4 scale;
+  for (size_t k = 0; k < 8; ++k) rotor[k] = static_cast<double>(scene.rotor[8 * i + k]);
+  for (size_t k = 0; k < 4; ++k) {
+    scale[k] = std::exp(static_cast<double>(scene.log_scale[4 * i + k]));
+  }
+  const Matrix4 axes = rotor_to_matrix(rotor);
+  double variance = 0;
+  for (size_t k = 0; k < 4; ++k) variance += axes[12 + k] * axes[12 + k] * scale[k] * scale[k];
+  const double whole = duration(scene.timeline);
+  double stay = std::sqrt(variance);
+  if (!scene.window.empty() && scene.window[2 * i] < scene.window[2 * i + 1]) {
+    const uint32_t frames = scene.window[2 * i + 1] - scene.window[2 * i];
+    stay = whole * frames / (2.0 * scene.timeline.num_frames);
+  }
+  p->stays = !(stay <= kStays * whole);
+  p->speed = length(velocity_of(rotor, scale)) * whole;
+}
+
 std::vector<Point> visible_points(const Scene& scene) {
   const std::vector<float> position = visible_positions(scene);
   const bool is_logit = (scene.flags & L4D_OPACITY_LOGIT) != 0;
@@ -78,6 +109,7 @@ std::vector<Point> visible_points(const Scene& scene) {
       usable = usable && std::isfinite(p.at[k]);
     }
     p.surface = p.weight * area_of(scene, i);
+    if (usable) state_motion(scene, i, &p);
     if (usable) points.push_back(p);
   }
   return points;
@@ -129,6 +161,25 @@ std::vector<Point> dense_points(const std::vector<Point>& points, const Subject&
     if (cell < cells.size() && 2 * cells[cell] >= fullest[last]) dense.push_back(p);
   }
   return dense;
+}
+
+// Where something happens, in a scene that is mostly at rest.
+std::optional<Subject> action_of(const std::vector<Point>& points, const Subject& all) {
+  std::vector<Point> acting;
+  double total = 0, sum = 0;
+  for (const Point& p : points) {
+    total += p.weight;
+    if (p.stays && p.speed <= kMoves * all.radius) continue;
+    acting.push_back(p);
+    sum += p.weight;
+  }
+  if (acting.empty() || !(sum >= kLeastAction * total && sum <= kMostAction * total)) {
+    return std::nullopt;
+  }
+  Subject action = ball_of(dense_points(acting, ball_of(acting)));
+  if (!(action.radius < all.radius)) return std::nullopt;
+  action.radius = std::max(action.radius, kSmallestAction * all.radius);
+  return action;
 }
 
 Subject ball_of_bounds(const l4d_presentation& presentation) {
@@ -211,7 +262,8 @@ Subject subject_of(const Scene& scene) {
   // What it stands on is not dense: it counts before the rest is left out.
   subject.up = up_of(points, subject, scene.placement.coordinate_system);
   if (!has_bounds) {
-    const Subject dense = ball_of(dense_points(points, subject));
+    Subject dense = ball_of(dense_points(points, subject));
+    if (const std::optional<Subject> action = action_of(points, dense)) dense = *action;
     subject.center = dense.center;
     subject.radius = dense.radius;
   }

@@ -17,7 +17,8 @@ struct Subject {
 };
 
 // The ball around the bounds that the scene states, else the one that holds 90 % of the opacity of
-// the dense parts: of floaters, and of scenery that is thinly covered, there is little there.
+// the dense parts: of floaters, and of scenery that is thinly covered, there is little there. In a
+// scene that is mostly at rest they are those of what moves or does not last.
 // Gaussians count where they are at the reference time. Up is +y or -y where the scene states its
 // coordinates; else the end of the y or z axis away from the foot: what stands is broad there.
 // Where neither axis has one it is -y, as structure from motion has it. Throws
