@@ -129,10 +129,11 @@ void made_up_size(const std::string& size, uint32_t* width, uint32_t* height) {
   if (!size.empty()) parse_image_size(size, width, height);
 }
 
-io::CameraSet make_orbit(const io::Scene& instant, uint32_t count, const std::string& size) {
+io::CameraSet make_orbit(Context& context, const io::Scene& instant, uint32_t count,
+                         const std::string& size) {
   uint32_t width, height;
   made_up_size(size, &width, &height);
-  return io::orbit_cameras(instant, count, width, height);
+  return io::orbit_cameras(instant, count, width, height, context.budget().holder());
 }
 
 void note_cameras(Context& context, const io::CameraSet& set) {
@@ -167,7 +168,7 @@ eval::CameraViews choose_views(Context& context, const CameraArguments& argument
                                const std::string& split, const l4d_timeline& timeline,
                                const std::function<io::Scene()>& instant) {
   eval::CameraViews result;
-  result.set = arguments.orbit > 0 ? make_orbit(instant(), arguments.orbit, arguments.size)
+  result.set = arguments.orbit > 0 ? make_orbit(context, instant(), arguments.orbit, arguments.size)
                                    : *arguments.load(context);
   const auto& cameras = result.set.cameras;
   io::ViewSelection selection;

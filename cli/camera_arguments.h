@@ -48,7 +48,8 @@ void parse_image_size(const std::string& text, uint32_t* width, uint32_t* height
 void made_up_size(const std::string& size, uint32_t* width, uint32_t* height);
 
 // An orbit around an instant; size as of --size.
-io::CameraSet make_orbit(const io::Scene& instant, uint32_t count, const std::string& size);
+io::CameraSet make_orbit(Context& context, const io::Scene& instant, uint32_t count,
+                         const std::string& size);
 // Says what was assumed about cameras that are used.
 void note_cameras(Context& context, const io::CameraSet& set);
 

@@ -80,12 +80,12 @@ io::CameraSet make_cameras(Context& context, const CamerasArguments& arguments) 
   if (arguments.orbit > 0) {
     set = about(input.name(), [&] {
       const io::Scene instant = eval::instant_of(scene, eval::middle_of(scene.timeline));
-      return make_orbit(instant, arguments.orbit, arguments.size);
+      return make_orbit(context, instant, arguments.orbit, arguments.size);
     });
     io::split_for_tests(set);
   } else {
     l4d_presentation view = scene.presentation;
-    if (view.has_camera == 0) io::state_first_view(scene, &view);
+    if (view.has_camera == 0) io::state_first_view(scene, &view, context.budget().holder());
     if (view.has_camera == 0) throw usage_error("--grid: no Gaussian of the scene is visible");
     uint32_t width, height;
     made_up_size(arguments.size, &width, &height);

@@ -278,7 +278,7 @@ Outcome run_convert(Context& context, const ConvertArguments& arguments) {
   check_interrupt();
   l4d_presentation& presentation = loaded.scene.presentation;
   if (target == Target::kStream && presentation.has_camera == 0) {
-    io::state_first_view(loaded.scene, &presentation);
+    io::state_first_view(loaded.scene, &presentation, context.budget().holder());
   }
   Converted done{loaded.scene.source, loaded.scene.count(), 0};
   about(input.name(), [&] {

@@ -268,8 +268,9 @@ void state_first_view(Context& context, const EncodeArguments& arguments,
   }
   // Cameras that are made up say nothing of what there is to see.
   const io::CameraSet* cameras = arguments.cameras.load(context);
-  if (cameras != nullptr) io::state_first_view(*cameras, *scene, &p);
-  if (p.has_camera == 0) io::state_first_view(*scene, &p);
+  const io::Hold holder = context.budget().holder();
+  if (cameras != nullptr) io::state_first_view(*cameras, *scene, &p, holder);
+  if (p.has_camera == 0) io::state_first_view(*scene, &p, holder);
 }
 
 // The scene, with what the options state of it. before: what the piece before states.

@@ -176,7 +176,8 @@ Path camera_path(Context& context, const RenderArguments& arguments, const io::C
     return about(arguments.input, [&] { return scene.instant(eval::middle_of(scene.timeline())); });
   };
   const auto orbit = [&](uint32_t count) {
-    return about(arguments.input, [&] { return make_orbit(instant(), count, arguments.size); });
+    return about(arguments.input,
+                 [&] { return make_orbit(context, instant(), count, arguments.size); });
   };
   // Nobody says from where to look: what the scene states decides, or what there is to see.
   l4d_presentation first = scene.presentation();
@@ -187,7 +188,7 @@ Path camera_path(Context& context, const RenderArguments& arguments, const io::C
     set = orbit(kRings * steps);
     for (uint32_t k = 0; k < steps; ++k) path.cameras.push_back(set.cameras[k].camera);
   } else if (is_free && first.has_camera == 0) {
-    io::state_first_view(instant(), &first);
+    io::state_first_view(instant(), &first, context.budget().holder());
     set.notes.push_back("The scene states no first view: this one is made up.");
   }
   if (path.cameras.empty() && is_free && first.has_camera != 0) {

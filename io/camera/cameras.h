@@ -101,7 +101,8 @@ std::string numbered_image(const std::string& pattern, uint32_t frame);
 // ball is a place: its first camera stands where this view does, or nearer to the middle; the
 // others go around the middle at the same height, or 10 degrees below and above, and keep within
 // the walls.
-CameraSet orbit_cameras(const Scene& scene, uint32_t count, uint32_t width, uint32_t height);
+CameraSet orbit_cameras(const Scene& scene, uint32_t count, uint32_t width, uint32_t height,
+                        const Hold& holder = {});
 
 struct ViewSelection {
   std::string split = "all";  // train, test, val, all

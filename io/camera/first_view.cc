@@ -143,7 +143,9 @@ void state_first_view(const std::vector<l4d_camera>& cameras, double alone,
       presentation);
 }
 
-void state_first_view(const CameraSet& set, const Scene& scene, l4d_presentation* presentation) {
+void state_first_view(const CameraSet& set, const Scene& scene, l4d_presentation* presentation,
+                      const Hold& holder) {
+  const std::shared_ptr<void> memory = hold(holder, subject_bytes(scene), "the first view");
   std::vector<l4d_camera> cameras, all;
   for (const Camera& camera : set.cameras) {
     all.push_back(camera.camera);
@@ -168,7 +170,8 @@ void state_first_view(const CameraSet& set, const Scene& scene, l4d_presentation
       presentation);
 }
 
-void state_first_view(const Scene& scene, l4d_presentation* presentation) {
+void state_first_view(const Scene& scene, l4d_presentation* presentation, const Hold& holder) {
+  const std::shared_ptr<void> memory = hold(holder, subject_bytes(scene), "the first view");
   const std::optional<Subject> visible = visible_subject(scene);
   if (!visible) return;
   const Subject& subject = *visible;

@@ -20,12 +20,14 @@ void state_first_view(const std::vector<l4d_camera>& cameras, double alone,
 
 // The same of the cameras that train, or of all where none says so; of those that look ahead the
 // one that sees most of the dense parts of the scene (below).
-void state_first_view(const CameraSet& set, const Scene& scene, l4d_presentation* presentation);
+// holder: counts what choosing takes, subject_bytes().
+void state_first_view(const CameraSet& set, const Scene& scene, l4d_presentation* presentation,
+                      const Hold& holder = {});
 
 // Without cameras: of a few dozen places around and within the subject of the scene
 // (io/camera/subject.h) the one from where most of its dense parts are seen, past whatever stands
 // before them. Nothing happens where no Gaussian is visible.
-void state_first_view(const Scene& scene, l4d_presentation* presentation);
+void state_first_view(const Scene& scene, l4d_presentation* presentation, const Hold& holder = {});
 
 // That of `from`.
 void copy_first_view(const l4d_presentation& from, l4d_presentation* presentation);

@@ -100,7 +100,8 @@ std::optional<Ring> ring_within(const Scene& scene, const Subject& subject) {
 
 }  // namespace
 
-CameraSet orbit_cameras(const Scene& scene, uint32_t count, uint32_t width, uint32_t height) {
+CameraSet orbit_cameras(const Scene& scene, uint32_t count, uint32_t width, uint32_t height,
+                        const Hold& holder) {
   if (count < 1 || count > kMaxOrbitCameras) {
     throw Error(L4D_ERR_INVALID_ARGUMENT,
                 "an orbit has 1 to " + std::to_string(kMaxOrbitCameras) + " cameras");
@@ -110,6 +111,7 @@ CameraSet orbit_cameras(const Scene& scene, uint32_t count, uint32_t width, uint
     throw Error(L4D_ERR_INVALID_ARGUMENT,
                 "images have 1 to " + std::to_string(kMaxImageSize) + " pixels a side");
   }
+  const std::shared_ptr<void> memory = hold(holder, subject_bytes(scene), "an orbit");
   const Subject subject = subject_of(scene);
   const std::optional<Ring> within = ring_within(scene, subject);
   const Ring orbit = within ? *within : ring_around(subject);

@@ -252,6 +252,14 @@ std::vector<float> visible_positions(const Scene& scene) {
   return std::move(moved.position);
 }
 
+uint64_t subject_bytes(const Scene& scene) {
+  // Copies of what decides where a Gaussian is seen; its point among all, those that act and those
+  // that are dense; the numbers that a quantile is of.
+  constexpr uint64_t kCopies = (3 + 1 + 4 + 8) * sizeof(float) + sizeof(double) + 8;
+  constexpr uint64_t kGrid = 6 << 20;  // of cells, and what is kept of them
+  return kGrid + scene.count() * (kCopies + 3 * sizeof(Point) + sizeof(Weighted));
+}
+
 Subject subject_of(const Scene& scene) {
   const std::vector<Point> points = visible_points(scene);
   if (points.empty()) {

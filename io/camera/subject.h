@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "io/scene/rotor_math.h"
@@ -24,6 +25,9 @@ struct Subject {
 // Where neither axis has one it is -y, as structure from motion has it. Throws
 // Error(L4D_ERR_INVALID_SCENE) if none is visible.
 Subject subject_of(const Scene& scene);
+
+// What subject_of() and SightGrid take while they look at a scene, at most.
+uint64_t subject_bytes(const Scene& scene);
 
 // Of the broadest side of Gaussian i, square scene units; 0 where it is absurd or
 // the scene has no scales.
