@@ -19,22 +19,27 @@ constexpr size_t kBlockItems = 4096;
 inline size_t num_blocks(size_t items) { return (items + kBlockItems - 1) / kBlockItems; }
 
 // Calls body(block, begin, end) for each block of `items`, on `threads` threads (0 = one per core).
+// Where blocks throw, the exception of the first of them comes out, for any number of threads.
 template <typename Body>
 void for_each_block(size_t items, uint32_t threads, const Body& body) {
   const size_t blocks = num_blocks(items);
   if (threads == 0) threads = std::max(1u, std::thread::hardware_concurrency());
   std::atomic<size_t> next{0};
   std::exception_ptr failure;
+  size_t failed = blocks;
   std::mutex failure_mutex;
   const auto work = [&] {
+    size_t block = 0;
     try {
-      for (size_t block; (block = next++) < blocks;) {
+      while ((block = next++) < blocks) {
         body(block, block * kBlockItems, std::min(items, (block + 1) * kBlockItems));
       }
     } catch (...) {
       const std::lock_guard<std::mutex> lock(failure_mutex);
-      failure = std::current_exception();
       next = blocks;
+      if (block >= failed) return;
+      failed = block;
+      failure = std::current_exception();
     }
   };
   std::vector<std::thread> workers;

@@ -52,8 +52,9 @@ constexpr size_t kGrain = 4096;
 
 // Runs body(begin, end) over [0, count) cut into pieces of `grain`. The cut depends on count and
 // grain alone, never on the number of threads, so a caller that keeps one result per piece and
-// combines them in order gets the same bits for any thread count. The first exception thrown by a
-// piece is rethrown on the calling thread after all pieces have ended.
+// combines them in order gets the same bits for any thread count. Of the exceptions that pieces
+// throw, that of the first piece in their order is rethrown on the calling thread after all have
+// ended, so that a caller names the same cause for any thread count.
 template <typename Body>
 void parallel_for(int threads, size_t count, size_t grain, const Body& body) {
   if (count == 0) return;
@@ -67,6 +68,7 @@ void parallel_for(int threads, size_t count, size_t grain, const Body& body) {
   }
   std::atomic<size_t> next{0};
   std::exception_ptr error;
+  size_t failed = pieces;
   std::mutex error_mutex;
   run_workers(workers, [&] {
     for (size_t i = next++; i < pieces; i = next++) {
@@ -75,7 +77,10 @@ void parallel_for(int threads, size_t count, size_t grain, const Body& body) {
         body(begin, std::min(count, begin + grain));
       } catch (...) {
         const std::lock_guard<std::mutex> lock(error_mutex);
-        if (!error) error = std::current_exception();
+        if (i < failed) {
+          failed = i;
+          error = std::current_exception();
+        }
       }
     }
   });
