@@ -11,6 +11,7 @@
 #include "io/image/video.h"
 #include "tests/common/ffmpeg.h"
 #include "training/images/loader.h"
+#include "training/run/report/inspect.h"
 #include "training/run/setup/settings.h"
 #include "training/run/train/evaluate.h"
 #include "training/tests/tiny_capture.h"
@@ -151,6 +152,22 @@ TEST(Captures, MissingFrames) {
   document["cameras"][3]["images"] = "pictures/cam03/%04d.png";
   expect_error(write_document(document), {}, L4D_ERR_IO,
                {"camera 3", "frame 0 of 25", "pictures/cam03/0000.png"});
+  // A training reads masks when it begins; `inspect` names them, too.
+  document = tiny_document();
+  document["cameras"][2]["mask"] = "mask.png";
+  const std::string masked = write_document(document);
+  const auto inspected = [&] {
+    try {
+      return inspect(masked, {}, "", "", 1).text;
+    } catch (const io::Error& error) {
+      return std::string(error.what());
+    }
+  };
+  EXPECT_EQ(inspected(), "camera 2: its mask: cannot open " + masked + "/mask.png");
+  io::write_png(masked + "/mask.png", io::Image(48, 64));
+  EXPECT_THAT(inspected(), HasSubstr("camera 2: its mask: " + masked + "/mask.png has 48 x 64"));
+  io::write_png(masked + "/mask.png", io::Image(64, 48));
+  EXPECT_THAT(inspected(), HasSubstr("cameras    16"));
 }
 
 // Workers render several views at a time, each with a renderer of its own.

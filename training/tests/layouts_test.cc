@@ -3,10 +3,12 @@
 
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "io/image/video.h"
 #include "tests/common/ffmpeg.h"
 #include "training/capture/opencv_yaml.h"
+#include "training/capture/tolerance.h"
 #include "training/images/loader.h"
 #include "training/tests/tiny_capture.h"
 
@@ -459,7 +461,37 @@ struct Damage {
   size_t views = 0;
 };
 
-// What --tolerant makes of a file that is missing, and of one that is cut off.
+enum class Trouble { kMissing, kCutOff, kOtherSize };
+
+void make_trouble(Trouble trouble, const std::string& path) {
+  const std::string whole = test::bytes_of(path);
+  fs::remove(path);
+  if (trouble == Trouble::kCutOff) write_text(path, whole.substr(0, whole.size() / 2));
+  if (trouble == Trouble::kOtherSize) io::write_png(path, io::Image(32, 24));
+}
+
+// What `inspect` and a training say of the first image that is not of its camera's size.
+void expect_other_size(const Capture& capture, const std::string& what) {
+  const ImageLoader loader(capture, 1);
+  std::vector<uint32_t> views(capture.views.size());
+  for (uint32_t k = 0; k < views.size(); ++k) views[k] = k;
+  std::set<std::string> said;
+  for (const bool reads : {false, true}) {
+    try {
+      if (reads) loader.load(views, 2, [](uint32_t, const Pixels&) {});
+      if (!reads) check_image_files(capture);
+      ADD_FAILURE() << what << reads;
+    } catch (const io::Error& error) {
+      EXPECT_EQ(error.status(), L4D_ERR_CORRUPT) << what;
+      EXPECT_THAT(error.what(), HasSubstr("png has 32 x 24 pixels, and the camera has 64 x 48"));
+      said.insert(error.what());
+    }
+  }
+  EXPECT_EQ(said.size(), 1U) << what;
+}
+
+// What --tolerant makes of a file that is missing, of one that is cut off, and of an image of
+// another size than its camera.
 TEST(Layouts, TolerateFilesThatAreMissingOrDamaged) {
   const Truth truth;
   const auto dnerf = [](const Truth& t, const std::string& folder) {
@@ -480,17 +512,20 @@ TEST(Layouts, TolerateFilesThatAreMissingOrDamaged) {
       {kCases[5], "images/cam02/0003.png", "camera 2", 5, 3, 15},
   };
   for (const Damage& item : all) {
-    for (const bool is_missing : {true, false}) {
-      const std::string what = item.layout.layout + (" " + item.file) + (is_missing ? " 0" : " 1");
+    for (const Trouble trouble : {Trouble::kMissing, Trouble::kCutOff, Trouble::kOtherSize}) {
+      const std::string what = item.layout.layout + (" " + item.file) + " trouble " +
+                               std::to_string(static_cast<int>(trouble));
+      if (trouble == Trouble::kOtherSize && fs::path(item.file).extension() != ".png") continue;
       const test::Folder folder;
       item.layout.write(truth, folder / "c");
-      const std::string path = folder / ("c/" + item.file), whole = test::bytes_of(path);
-      fs::remove(path);
-      if (!is_missing) write_text(path, whole.substr(0, whole.size() / 2));
+      make_trouble(trouble, folder / ("c/" + item.file));
       CaptureOptions options = options_of(item.layout.layout);
       // What is missing is found without the option, too; damaged images when they are read.
-      if (is_missing) {
+      if (trouble == Trouble::kMissing) {
         EXPECT_THROW(read_capture(folder / "c", options), io::Error) << what;
+      }
+      if (trouble == Trouble::kOtherSize) {
+        expect_other_size(read_capture(folder / "c", options), what);
       }
       options.tolerant = true;
       const Capture capture = read_capture(folder / "c", options);

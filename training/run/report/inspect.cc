@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/file/file.h"
+#include "training/capture/tolerance.h"
 #include "training/images/frame_cache.h"
 #include "training/images/loader.h"
 
@@ -121,6 +122,7 @@ Inspection inspect(const std::string& path, const CaptureOptions& options, const
                    const std::string& cache, uint32_t threads) {
   if (!sheet.empty()) check_sheet(sheet, path, options);
   const Capture capture = read_capture(path, options);
+  check_image_files(capture);
   const CaptureFrame frame = frame_of(capture);
   size_t training = 0, tests = 0, videos = 0, distorted = 0;
   for (const CaptureView& view : capture.views) {
