@@ -21,6 +21,12 @@ constexpr size_t kMinViews = 3;
 constexpr double kMinFps = 1e-3, kMaxFps = 1e6;
 constexpr double kMinSeconds = 1e-3, kMaxSeconds = 1e6;
 
+std::string decimal(double value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.6g", value);
+  return text;
+}
+
 // "0,10,15" and "0-3".
 std::set<int> ids_of(const std::string& text) {
   std::set<int> ids;
@@ -167,6 +173,26 @@ void check_clock(const std::string& path, const Capture& capture) {
                                    " frames; there must be 1 to " + std::to_string(L4D_MAX_FRAMES));
 }
 
+// Files of some layouts do not state the unit of their times; the others have frames.
+void note_times(Capture* capture, const CaptureOptions& options) {
+  const bool is_dnerf = capture->layout == "dnerf" || capture->layout == "transforms";
+  const bool is_scaled = is_dnerf || (capture->layout == "hypernerf" && options.fps == 0);
+  const std::string seconds = "--seconds (" + decimal(options.seconds) + ")";
+  double last = 0;
+  for (const CaptureView& view : capture->views) last = std::max(last, view.time);
+  if (is_scaled && last > 0) {
+    capture->notes.push_back("Times of images are multiplied by " + seconds +
+                             ": the last one is at " + decimal(last) +
+                             " s, and the sequence lasts " + decimal(capture->duration()) + " s.");
+  } else if (is_dnerf) {
+    capture->notes.push_back("All images are of one instant: no time is above 0.");
+  } else if (options.seconds != 1) {
+    capture->notes.push_back(seconds +
+                             " changes nothing: times are those of frames, of which there are " +
+                             decimal(capture->fps) + " a second.");
+  }
+}
+
 bool is_there(const fs::path& path) {
   std::error_code error;
   return fs::exists(path, error);
@@ -279,6 +305,7 @@ Capture read_capture(const std::string& path, const CaptureOptions& options) {
   check(options);
   Capture capture = read_layout(path, options);
   check_clock(path, capture);
+  note_times(&capture, options);
   capture.path = path;
   choose_test_cameras(&capture, options);
   choose_frames(&capture, options);

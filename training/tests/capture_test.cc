@@ -63,6 +63,7 @@ TEST(Captures, OptionsChooseFramesAndTests) {
   CaptureOptions options;
   options.frames = "4:16:2";
   options.test = "1,3-5";
+  options.seconds = 3;
   const Capture capture = read_capture(test::tiny_capture(), options);
   EXPECT_EQ(capture.views.size(), 6U * 16);
   EXPECT_EQ(capture.frames, 12U);
@@ -70,6 +71,7 @@ TEST(Captures, OptionsChooseFramesAndTests) {
   EXPECT_EQ(capture.views.front().time, 0);
   EXPECT_EQ(capture.cameras[4].split, "test");
   EXPECT_EQ(capture.cameras[0].split, "train");
+  EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("--seconds (3) changes nothing")));
   options.test = "99";
   expect_error(test::tiny_capture(), options, L4D_ERR_INVALID_ARGUMENT, {"99"});
   options.test = "1-";
@@ -413,6 +415,9 @@ TEST(Captures, Dnerf) {
   }
   EXPECT_EQ(tests, 4U);
   EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("used for tests alone")));
+  EXPECT_THAT(capture.notes,
+              testing::Contains("Times of images are multiplied by --seconds (2): the last one is "
+                                "at 1.5 s, and the sequence lasts 2 s."));
   // Cameras are where they were.
   const l4d_camera& a = capture.cameras[0].source.camera;
   const l4d_camera& b = source.cameras[4].source.camera;
