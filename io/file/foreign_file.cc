@@ -98,6 +98,7 @@ struct Magic {
   size_t at = 0;
 };
 using namespace std::string_view_literals;
+constexpr std::string_view kStreamMagic = "\x89L4D"sv;
 constexpr Magic kMagics[] = {{"NGSP"sv, ".spz"},
                              {"\x89"
                               "4DGS"sv,
@@ -146,13 +147,21 @@ bool is_ply(const std::string& path) {
          std::memcmp(magic, "ply", 3) == 0 && (magic[3] == '\n' || magic[3] == '\r');
 }
 
+bool is_stream(const std::string& path) {
+  const FileHandle file(std::fopen(path.c_str(), "rb"));
+  if (!file) throw Error(L4D_ERR_IO, path + ": cannot open: " + std::strerror(errno));
+  char magic[kStreamMagic.size()];
+  return std::fread(magic, 1, sizeof(magic), file.get()) == sizeof(magic) &&
+         std::string_view(magic, sizeof(magic)) == kStreamMagic;
+}
+
 std::optional<ForeignKind> identify_foreign(const std::string& path, const std::string& name) {
   const FileHandle file(std::fopen(path.c_str(), "rb"));
   if (!file) throw Error(L4D_ERR_IO, path + ": cannot open: " + std::strerror(errno));
   std::array<char, 256> bytes;
   const std::string_view head(bytes.data(), std::fread(bytes.data(), 1, bytes.size(), file.get()));
   const auto begins = [&](std::string_view magic) { return head.substr(0, magic.size()) == magic; };
-  if (begins("ply") || begins("\x89L4D")) return std::nullopt;
+  if (begins("ply") || begins(kStreamMagic)) return std::nullopt;
   for (const Magic& magic : kMagics) {
     if (head.size() > magic.at && head.substr(magic.at, magic.bytes.size()) == magic.bytes) {
       return by_extension(magic.extension);

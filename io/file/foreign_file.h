@@ -18,6 +18,8 @@ std::optional<ForeignKind> foreign_extension(const std::string& extension);
 
 // Whether the file begins as a PLY does. Throws Error(L4D_ERR_IO).
 bool is_ply(const std::string& path);
+// The same of a stream.
+bool is_stream(const std::string& path);
 
 // What the file at `path` is by its first bytes, or where these say nothing by the extension of
 // `name`. Nothing if it may be a stream or a scene, or is unknown. Throws Error(L4D_ERR_IO).

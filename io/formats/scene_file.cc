@@ -50,6 +50,12 @@ Scene read_scene_file(const std::string& path, const std::string& name,
   if (read == nullptr) {
     const std::string refusal = foreign_refusal(path, name);
     if (!refusal.empty()) throw Error(L4D_ERR_FEATURE_UNSUPPORTED, name + refusal);
+    if (is_stream(path)) {
+      throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
+                  name +
+                      ": this is a stream, which is not read here; `l4dcodec decode` makes a "
+                      "PLY of it, which is");
+    }
     return read_scene_ply(path, options);
   }
   try {

@@ -190,6 +190,7 @@ expect 0 "stream +[0-9]+ bytes" train "${options[@]}" -o coded --steps 60 --enco
 cmp coded/scene.l4d again.l4d || die "l4dcodec encode --weights makes another stream"
 "$codec" info coded/scene.l4d >out
 grep -q "^presentation: camera=" out || die "the stream states no first view"
+expect 5 'coded/scene.l4d: this is a stream, .*`l4dcodec decode` makes a PLY' capture coded/scene.l4d -o x
 
 # LPIPS with weights of a file: random ones here. It is reported if it is wanted, and for equal images it is 0.
 "$python" -B "$here/../../tests/common/random_alexnet.py" alex.safetensors
