@@ -11,7 +11,32 @@
 // where NAME is that of the image without its extension.
 namespace l4d::train {
 
+namespace {
+
 namespace fs = std::filesystem;
+
+// Models of photos are common, and have one instant: none of their images is a folder or a video.
+void check_time(const fs::path& root, const std::vector<std::string>& names,
+                const io::CameraSet& set) {
+  std::error_code error;
+  const auto has_frames = [&](const io::Camera& camera) {
+    return !camera.images.empty() || fs::exists(camera.video, error);
+  };
+  if (std::any_of(set.cameras.begin(), set.cameras.end(), has_frames)) return;
+  for (const std::string& name : names) {
+    const fs::path photo = root / "images" / name;
+    if (!fs::is_regular_file(photo, error)) continue;
+    const std::string stem = fs::path(name).replace_extension("").string();
+    throw io::Error(L4D_ERR_FEATURE_UNSUPPORTED,
+                    root.string() + ": a COLMAP model of one instant: " + photo.string() +
+                        " is the only image of its camera. What the camera of " + name +
+                        " saw over time is expected in videos/" + stem + ".mp4 or images/" + stem +
+                        "/0000.png and so on; photos of a scene at rest are read from a "
+                        "transforms.json");
+  }
+}
+
+}  // namespace
 
 Capture read_colmap_capture(const std::string& folder, const CaptureOptions& options) {
   const fs::path root(folder);
@@ -31,6 +56,7 @@ Capture read_colmap_capture(const std::string& folder, const CaptureOptions& opt
       camera.video = (root / "videos" / (stem + ".mp4")).string();
     }
   }
+  check_time(root, names, set);
   Capture capture = make_video_capture(folder, set, options);
   capture.layout = "colmap";
   for (const io::ColmapPoint& p : io::read_colmap_points(model, options.holder)) {

@@ -606,6 +606,18 @@ TEST(Layouts, ColmapThatIsCutOffIsNamed) {
   expect_error(folder / "c", L4D_ERR_FEATURE_UNSUPPORTED, "model 9");
 }
 
+// As COLMAP makes it of photos.
+TEST(Layouts, ColmapOfOneInstantIsNamed) {
+  const Truth truth;
+  const test::Folder folder;
+  write_colmap(truth, folder / "c", false);
+  fs::remove_all(folder / "c/images");
+  expect_error(folder / "c", L4D_ERR_IO, "videos/cam00.mp4");
+  write_text(folder / "c/images/cam03.png", "a photo");
+  expect_error(folder / "c", L4D_ERR_FEATURE_UNSUPPORTED,
+               "images/cam03.png is the only image of its camera");
+}
+
 TEST(Layouts, YamlOfOpenCv) {
   const test::Folder folder;
   const auto read = [&](const std::string& text) {
