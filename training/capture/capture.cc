@@ -247,6 +247,7 @@ Capture read_capture(const std::string& path, const CaptureOptions& options) {
                      return a.time != b.time ? a.time < b.time : a.camera < b.camera;
                    });
   check(capture);
+  check_place(&capture);
   // Sorting takes a copy of the views.
   capture.memory.reset();
   capture.memory = io::hold(options.holder,

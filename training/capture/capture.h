@@ -73,6 +73,9 @@ struct CaptureFrame {
   double radius;
 };
 CaptureFrame frame_of(const Capture& capture);
+// Throws FEATURE_UNSUPPORTED where cameras are so far from the origin that positions in float32
+// tell no places among them apart; notes where they are coarse.
+void check_place(Capture* capture);
 // Whether the axes of nearly all training cameras pass near one point that is in front of them, by
 // half the radius or more.
 bool look_at_one_place(const Capture& capture);

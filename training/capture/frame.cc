@@ -2,6 +2,7 @@
 // Where the cameras of a capture are.
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "training/capture/capture.h"
 
@@ -30,6 +31,35 @@ CaptureFrame frame_of(const Capture& capture) {
   }
   if (!(frame.radius > 1e-6)) frame.radius = 1;
   return frame;
+}
+
+void check_place(Capture* capture) {
+  // Positions of Gaussians are float32, of which neighbours are so far apart at a coordinate of 1.
+  constexpr double kStep = 1.0 / (1 << 23);
+  // Of the radius: with fewer positions, images are visibly wrong, and with fewer yet, all of them.
+  constexpr double kFine = 1e-3, kCoarse = 1e-2;
+  const CaptureCamera* farthest = nullptr;
+  double center[3], away = 0;
+  for (const CaptureCamera& camera : capture->cameras) {
+    camera_center(camera.source.camera, center);
+    for (const double x : center) {
+      if (std::abs(x) <= away) continue;
+      away = std::abs(x);
+      farthest = &camera;
+    }
+  }
+  const double radius = frame_of(*capture).radius, step = kStep * away;
+  if (farthest == nullptr || step <= kFine * radius) return;
+  char text[400];
+  std::snprintf(text, sizeof(text),
+                "%s is %.3g units away from the origin of the coordinates, and the cameras are "
+                "within %.3g of their middle. Positions have 32 bits, and are %.2g apart there; "
+                "subtract an origin near the cameras from their poses, and from points",
+                farthest->name.c_str(), away, radius, step);
+  if (step > kCoarse * radius) {
+    throw io::Error(L4D_ERR_FEATURE_UNSUPPORTED, capture->path + ": " + text);
+  }
+  capture->notes.push_back(std::string("Positions are coarse: ") + text + ".");
 }
 
 bool look_at_one_place(const Capture& capture) {

@@ -125,6 +125,25 @@ TEST(Captures, UnknownKeysAreNamed) {
   EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("\"frame_rate\" of the file")));
 }
 
+// Maps have such coordinates.
+TEST(Captures, CamerasFarFromTheOriginAreNamed) {
+  const auto moved = [](double by) {
+    json document = tiny_document();
+    for (json& camera : document["cameras"]) {
+      for (size_t r = 0; r < 3; ++r) {
+        const double turned = camera["w2c"][r][1].get<double>() * by;
+        camera["w2c"][r][3] = camera["w2c"][r][3].get<double>() - turned;
+      }
+    }
+    return write_document(document);
+  };
+  expect_error(moved(1e8), {}, L4D_ERR_FEATURE_UNSUPPORTED,
+               {"camera ", " is 1e+08 units away from the origin", "are 12 apart"});
+  const auto far = testing::Contains(HasSubstr("Positions are coarse: camera "));
+  EXPECT_THAT(read_capture(moved(2e5), {}).notes, far);
+  EXPECT_THAT(read_capture(moved(1e4), {}).notes, testing::Not(far));
+}
+
 // A frame that was taken outside the sequence shows nothing of it.
 TEST(Captures, FramesOfAnotherTimeAreLeftOut) {
   json document = tiny_document();
