@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 
@@ -208,6 +209,24 @@ Camera llff_camera(const CameraPlace& place, const double* row) {
   return out;
 }
 
+// The depths from and to which each camera sees something. Nothing here takes them, but where they
+// are none, the file may not be what it seems.
+void note_bounds(const std::vector<double>& rows, CameraSet* set) {
+  size_t wrong = 0, first = 0;
+  for (size_t i = 0; i < rows.size() / kColumns; ++i) {
+    const double* bounds = &rows[kColumns * (i + 1) - 2];
+    if (bounds[0] > 0 && bounds[0] < bounds[1]) continue;
+    if (wrong++ == 0) first = i;
+  }
+  if (wrong == 0) return;
+  char text[240];
+  std::snprintf(text, sizeof(text),
+                "Cameras whose bounds of depth are no range above 0: %zu; those of camera %zu are "
+                "%g and %g. Bounds are not used.",
+                wrong, first, rows[kColumns * (first + 1) - 2], rows[kColumns * (first + 1) - 1]);
+  set->notes.push_back(text);
+}
+
 bool is_video_name(const fs::path& path) {
   const std::string name = path.filename().string();
   if (name.empty() || name[0] == '.') return false;  // hidden: what some systems leave behind
@@ -254,6 +273,7 @@ CameraSet read_poses_bounds(InputFile& file, const Hold& holder) {
     camera.split = i == 0 ? "test" : "train";
     set.cameras.push_back(std::move(camera));
   }
+  note_bounds(rows, &set);
   const std::vector<std::string> videos = videos_beside(path, set.cameras.size());
   if (videos.size() == set.cameras.size()) {
     for (size_t i = 0; i < videos.size(); ++i) set.cameras[i].video = beside(path, videos[i]);

@@ -465,7 +465,19 @@ TEST_F(CamerasTest, PosesBounds) {
     EXPECT_EQ(set.cameras[0].camera.height, 480U);
     EXPECT_EQ(set.cameras[0].video, "");
     test::expect_pixel(set.cameras[1].camera, 320 + 500 * 0.4 / 4, 240 - 500 * 0.6 / 4);
+    EXPECT_EQ(set.notes.size(), 3U);
   }
+  std::vector<double> near_behind_far = test::kLlffRow, on_the_camera = test::kLlffRow;
+  std::swap(near_behind_far[15], near_behind_far[16]);
+  on_the_camera[15] = 0;
+  const CameraSet odd = read_cameras(
+      write("odd.npy", test::npy_header(f8) + test::npy_rows<double>(test::kLlffRow, 1) +
+                           test::npy_rows<double>(near_behind_far, 1) +
+                           test::npy_rows<double>(on_the_camera, 1)));
+  ASSERT_EQ(odd.notes.size(), 4U);
+  EXPECT_EQ(odd.notes[0],
+            "Cameras whose bounds of depth are no range above 0: 2; those of camera 1 are 100 and "
+            "1. Bounds are not used.");
   for (const char* name : {"cam10.mp4", "cam02.mp4", "cam00.mp4"}) write(name, "");
   EXPECT_EQ(read_cameras(path("poses_bounds.npy")).cameras[2].video, path("cam10.mp4"));
 }
