@@ -393,7 +393,9 @@ int run_capture(Arguments& a, Terminal& terminal) {
   const io::Scene scene = io::read_scene_file(a.scene, a.scene);
   io::require_valid(scene, a.scene);
   for (const std::string& note : scene.notes) terminal.note(note);
-  const uint32_t cameras = render_capture(a.folder, scene, capture);
+  std::vector<std::string> notes;
+  const uint32_t cameras = render_capture(a.folder, scene, capture, &notes);
+  for (const std::string& note : notes) terminal.note(note);
   if (!a.quiet) std::printf("%s: %u cameras\n", a.folder.c_str(), cameras);
   return kExitOk;
 }

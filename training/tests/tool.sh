@@ -62,8 +62,14 @@ done
 expect 0 "2 cameras" capture truth.ply -o odd --cameras 2 --frames 1 --size 33x25
 # Cameras of a file, with their tests; and points on what the others see in the middle.
 "$codec" cameras truth.ply --grid 3x1 --size 40x30 -o rig.json -q
+# What images do not show is not said of them: a lens, and times of its own.
+sed -i '0,/"K":/s/"K":/"distortion": [0.1], "time_offset": 0.2, "lense": 1, "K":/' rig.json
 expect 0 "3 cameras" capture truth.ply -o rig --cameras rig.json --frames 4 --points 50
+for note in '"lense" of camera 0' "lens distorts, .* pinholes: 1" "a time_offset, .*: 1"; do
+  grep -Eq "^note: .*$note" err || { cat err >&2; die "no note of $note"; }
+done
 expect 0 "test +cameras 1" inspect rig
+! grep -Eq "distortion|time_offset" rig/cameras.json || die "a capture states a lens that its images do not have"
 [ "$(sed -n 's/^element vertex //p' rig/points.ply)" = 50 ] || die "not 50 points"
 "$python" - rig/points.ply rig/cameras.json << 'END'
 import json, sys

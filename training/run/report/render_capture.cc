@@ -88,13 +88,36 @@ void render_views(const io::Scene& scene, const io::CameraSet& set,
   });
 }
 
-io::CameraSet cameras_of(const io::Scene& scene, const RenderCaptureOptions& options) {
+// Images are those of pinholes, of which each takes all frames when they begin: the capture may say
+// nothing else of them.
+void leave_out(io::CameraSet* set, std::vector<std::string>* notes) {
+  notes->insert(notes->end(), set->notes.begin(), set->notes.end());
+  size_t distorted = 0, late = 0, timed = 0;
+  for (io::Camera& camera : set->cameras) {
+    distorted += camera.distortion.model != io::Distortion::Model::kNone ? 1U : 0U;
+    late += camera.time_offset != 0 ? 1U : 0U;
+    timed += camera.time ? 1U : 0U;
+    camera.distortion = {};
+    camera.time_offset = 0;
+    camera.time.reset();
+  }
+  const auto note = [&](size_t count, const char* what) {
+    if (count > 0) notes->push_back(what + std::to_string(count) + ".");
+  };
+  note(distorted, "Cameras whose lens distorts, which is left out, as images are of pinholes: ");
+  note(late, "Cameras with a time_offset, which is left out: ");
+  note(timed, "Cameras with a time, in place of which they take all frames: ");
+}
+
+io::CameraSet cameras_of(const io::Scene& scene, const RenderCaptureOptions& options,
+                         std::vector<std::string>* notes) {
   if (options.camera_file.empty()) {
     io::CameraSet set = io::orbit_cameras(scene, options.cameras, options.width, options.height);
     io::split_for_tests(set);
     return set;
   }
   io::CameraSet set = io::read_cameras(options.camera_file);
+  leave_out(&set, notes);
   const auto has_split = [](const io::Camera& camera) { return !camera.split.empty(); };
   if (std::none_of(set.cameras.begin(), set.cameras.end(), has_split)) io::split_for_tests(set);
   return set;
@@ -124,7 +147,7 @@ void check_size(const io::CameraSet& set, const RenderCaptureOptions& options) {
 }  // namespace
 
 uint32_t render_capture(const std::string& folder, const io::Scene& scene,
-                        const RenderCaptureOptions& options) {
+                        const RenderCaptureOptions& options, std::vector<std::string>* notes) {
   const bool is_video = options.format == "mp4";
   if (!is_video && options.format != "png") {
     throw Error(L4D_ERR_INVALID_ARGUMENT,
@@ -138,7 +161,8 @@ uint32_t render_capture(const std::string& folder, const io::Scene& scene,
                                               " frames, from 0");
   }
   const double fps = static_cast<double>(scene.timeline.fps_num) / scene.timeline.fps_den;
-  io::CameraSet set = cameras_of(scene, options);
+  std::vector<std::string> said;
+  io::CameraSet set = cameras_of(scene, options, notes != nullptr ? notes : &said);
   set.fps = fps;
   set.frames = std::min(options.frames == 0 ? all : options.frames, all - first);
   const l4d_camera size = set.cameras[0].camera;

@@ -25,8 +25,10 @@ struct RenderCaptureOptions {
 
 // Renders a scene as a capture with known truth: cameras.json, and images/CAMERA/FRAME.png or
 // CAMERA.mp4. Every 8th camera is for tests, unless the file of cameras says which are. Returns
-// the number of cameras. Throws io::Error.
+// the number of cameras. notes, which may be null: what the file of cameras says that images do not
+// show. Throws io::Error.
 uint32_t render_capture(const std::string& folder, const io::Scene& scene,
-                        const RenderCaptureOptions& options);
+                        const RenderCaptureOptions& options,
+                        std::vector<std::string>* notes = nullptr);
 
 }  // namespace l4d::train
