@@ -3,6 +3,7 @@
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "io/camera/read_cameras.h"
 #include "io/file/file.h"
@@ -50,7 +51,9 @@ class SelfcapReader {
     set.source = "selfcap";
     const auto fps = intrinsics_.numbers.find("fps");
     if (fps != intrinsics_.numbers.end() && !fps->second.empty()) set.fps = fps->second[0];
+    std::set<std::string> is_read;
     for (const std::string& name : names->second) {
+      if (!is_read.insert(name).second) file.fail("names has " + name + " twice");
       if (io::leaves_folder(name)) file.fail("the name of a camera leaves the folder");
       set.cameras.push_back(camera_of(name, static_cast<int>(set.cameras.size())));
     }
@@ -72,12 +75,9 @@ class SelfcapReader {
     if (width == nullptr || height == nullptr) {
       place.fail("H_" + name + " and W_" + name + " are missing in intri.yml");
     }
-    camera.fx = (*k)[0];
-    camera.fy = (*k)[4];
-    camera.cx = (*k)[2];
-    camera.cy = (*k)[5];
-    camera.width = static_cast<uint32_t>(std::clamp((*width)[0], 0.0, 1e6));
-    camera.height = static_cast<uint32_t>(std::clamp((*height)[0], 0.0, 1e6));
+    set_pinhole(name, *k, &camera);
+    camera.width = whole_number("W_" + name, (*width)[0]);
+    camera.height = whole_number("H_" + name, (*height)[0]);
     set_lens(name, &out);
     double rotation[9];
     const std::vector<double>* matrix = find(extrinsics_, "Rot_" + name, 9);
@@ -100,21 +100,52 @@ class SelfcapReader {
     return out;
   }
 
-  void set_lens(const std::string& name, io::Camera* out) {
-    for (const size_t size : {size_t{5}, size_t{4}}) {
-      const std::vector<double>* d = find(intrinsics_, "D_" + name, size);
-      if (d == nullptr) d = find(intrinsics_, "dist_" + name, size);
-      if (d == nullptr) continue;
-      io::Distortion& lens = out->distortion;
-      lens.k[0] = (*d)[0];
-      lens.k[1] = (*d)[1];
-      lens.p[0] = (*d)[2];
-      lens.p[1] = (*d)[3];
-      if (size == 5) lens.k[2] = (*d)[4];
-      const bool any = std::any_of(d->begin(), d->end(), [](double x) { return x != 0; });
-      if (any) lens.model = io::Distortion::Model::kRadial;
-      return;
+  CameraPlace place_of(const std::string& key) const {
+    return {(folder_ / "intri.yml").string(), key};
+  }
+
+  uint32_t whole_number(const std::string& key, double value) const {
+    if (value >= 0 && value <= 1e6 && value == std::floor(value)) {
+      return static_cast<uint32_t>(value);
     }
+    place_of(key).fail("no whole number of pixels");
+  }
+
+  void set_pinhole(const std::string& name, const std::vector<double>& k,
+                   l4d_camera* camera) const {
+    const CameraPlace place = place_of("K_" + name);
+    if (k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1) place.fail("no pinhole camera");
+    if (!(std::abs(k[1]) <= 1e-6 * std::abs(k[0]))) {
+      place.fail(L4D_ERR_FEATURE_UNSUPPORTED, "a skew");
+    }
+    camera->fx = k[0];
+    camera->fy = k[4];
+    camera->cx = k[2];
+    camera->cy = k[5];
+  }
+
+  // k1, k2, p1, p2, k3 to k6 as OpenCV has them, which writes 4, 5, 8, 12 or 14 numbers.
+  void set_lens(const std::string& name, io::Camera* out) const {
+    std::string key = "D_" + name;
+    auto found = intrinsics_.numbers.find(key);
+    if (found == intrinsics_.numbers.end()) found = intrinsics_.numbers.find(key = "dist_" + name);
+    if (found == intrinsics_.numbers.end()) return;
+    std::vector<double> d = found->second;
+    if (d.size() != 4 && d.size() != 5 && d.size() != 8 && d.size() != 12 && d.size() != 14) {
+      place_of(key).fail(std::to_string(d.size()) +
+                         " numbers; OpenCV has 4, 5 or 8 of a lens that is read here");
+    }
+    d.resize(14);
+    const auto is_set = [](double x) { return x != 0; };
+    if (std::any_of(d.begin() + 8, d.end(), is_set)) {
+      place_of(key).fail(L4D_ERR_FEATURE_UNSUPPORTED, "a thin prism or a tilted sensor");
+    }
+    if (std::none_of(d.begin(), d.end(), is_set)) return;
+    io::Distortion& lens = out->distortion;
+    lens.model = io::Distortion::Model::kRadial;
+    std::copy_n(d.begin(), 2, lens.k);
+    std::copy_n(d.begin() + 2, 2, lens.p);
+    std::copy_n(d.begin() + 4, 4, lens.k + 2);
   }
 
   void set_images(const std::string& name, io::Camera* out) {
@@ -138,6 +169,12 @@ class SelfcapReader {
     const std::vector<uint8_t> bytes = io::read_whole_file(path.string());
     const nlohmann::json root = nlohmann::json::parse(bytes, nullptr, false);
     if (!root.is_object()) place.fail("not an object of cameras and seconds");
+    for (const auto& item : root.items()) {
+      if (std::find(names.begin(), names.end(), item.key()) != names.end()) continue;
+      set->notes.push_back("sync.json has a camera that intri.yml does not name: " +
+                           nlohmann::json(item.key()).dump() + ".");
+      break;
+    }
     for (size_t k = 0; k < names.size(); ++k) {
       set->cameras[k].time_offset = -io::number_or(place, root, names[k].c_str(), 0);
       io::check_camera({path.string(), "camera " + names[k]}, set->cameras[k]);

@@ -639,6 +639,34 @@ TEST(Layouts, YamlOfOpenCv) {
   }
 }
 
+// What a camera would otherwise silently lack.
+TEST(Layouts, SelfcapIsReadAsItIsOrRefused) {
+  const Truth truth;
+  const test::Folder folder;
+  write_selfcap(truth, folder / "s");
+  const std::string whole = test::bytes_of(folder / "s/intri.yml");
+  const auto change = [&](const std::string& from, const std::string& to) {
+    std::string text = whole;
+    text.replace(text.find(from), from.size(), to);
+    write_text(folder / "s/intri.yml", text);
+  };
+  const std::string lens = yaml_matrix("D_cam02", {0, 0, 0, 0, 0}, 5);
+  change(lens, yaml_matrix("D_cam02", {0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8}, 8));
+  const io::Distortion read = read_capture(folder / "s", {}).cameras[2].source.distortion;
+  EXPECT_THAT(read.k, testing::ElementsAre(0.1, 0.2, 0.5, 0.6, 0.7, 0.8));
+  EXPECT_THAT(read.p, testing::ElementsAre(0.3, 0.4));
+  change(lens, yaml_matrix("D_cam02", {0.1, 0.2}, 1));
+  expect_error(folder / "s", L4D_ERR_CORRUPT, "D_cam02: 2 numbers");
+  change(lens, yaml_matrix("dist_cam02", std::vector<double>(12, 0.1), 1));
+  expect_error(folder / "s", L4D_ERR_FEATURE_UNSUPPORTED, "dist_cam02: a thin prism");
+  change("W_cam00: 64\n", "W_cam00: 64.5\n");
+  expect_error(folder / "s", L4D_ERR_CORRUPT, "W_cam00: no whole number");
+  change("- \"cam04\"", "- \"cam03\"");
+  expect_error(folder / "s", L4D_ERR_CORRUPT, "cam03 twice");
+  change(", 0, ", ", 3, ");
+  expect_error(folder / "s", L4D_ERR_FEATURE_UNSUPPORTED, "K_cam00: a skew");
+}
+
 TEST(Layouts, WrongSelfcapAndHypernerf) {
   const Truth truth;
   const test::Folder folder;
@@ -659,7 +687,7 @@ TEST(Layouts, SelfcapOffsets) {
   const Truth truth;
   const test::Folder folder;
   write_selfcap(truth, folder / "s");
-  write_text(folder / "s/sync.json", R"({"cam02": -0.03, "cam01": 0.2})");
+  write_text(folder / "s/sync.json", R"({"cam02": -0.03, "cam01": 0.2, "cam20": 1})");
   CaptureOptions options;
   options.fps = 10;
   const Capture capture = read_capture(folder / "s", options);
@@ -668,6 +696,7 @@ TEST(Layouts, SelfcapOffsets) {
     const double wanted = view.camera == 2 ? plain + 0.03 : view.camera == 1 ? plain - 0.2 : plain;
     EXPECT_NEAR(view.time, std::max(0.0, wanted), 1e-9);
   }
+  EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("does not name: \"cam20\"")));
 }
 
 }  // namespace
