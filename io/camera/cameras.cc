@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 
 namespace l4d::io {
 namespace {
@@ -25,6 +26,11 @@ std::optional<NumberPlace> number_in(const std::string& pattern) {
 }
 
 }  // namespace
+
+bool same_lens(const Distortion& a, const Distortion& b) {
+  return a.model == b.model && std::equal(std::begin(a.k), std::end(a.k), b.k) &&
+         std::equal(std::begin(a.p), std::end(a.p), b.p);
+}
 
 bool is_image_pattern(const std::string& pattern) { return number_in(pattern).has_value(); }
 

@@ -27,6 +27,8 @@ struct Distortion {
   double p[2] = {0, 0};              // p1, p2
 };
 
+bool same_lens(const Distortion& a, const Distortion& b);
+
 struct Camera {
   l4d_camera camera{};
   Distortion distortion;  // of what the camera saw; renderings have none

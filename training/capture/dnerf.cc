@@ -17,9 +17,10 @@ namespace {
 namespace fs = std::filesystem;
 using io::Error;
 
-bool same_camera(const l4d_camera& a, const l4d_camera& b) {
-  bool same = a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy &&
-              a.cx == b.cx && a.cy == b.cy;
+bool same_camera(const io::Camera& one, const io::Camera& other) {
+  const l4d_camera &a = one.camera, &b = other.camera;
+  bool same = io::same_lens(one.distortion, other.distortion) && a.width == b.width &&
+              a.height == b.height && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy;
   for (size_t k = 0; k < 12; ++k) {
     same = same && std::abs(a.world_to_camera[k] - b.world_to_camera[k]) <= 1e-6;
   }
@@ -82,7 +83,7 @@ class DnerfReader {
  private:
   uint32_t camera_index(const io::Camera& source) {
     for (uint32_t k = 0; k < capture_.cameras.size(); ++k) {
-      if (same_camera(capture_.cameras[k].source.camera, source.camera)) return k;
+      if (same_camera(capture_.cameras[k].source, source)) return k;
     }
     CaptureCamera camera;
     camera.source = source;

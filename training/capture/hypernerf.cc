@@ -63,6 +63,12 @@ class HypernerfReader {
     const Json metadata = read_json(folder_ / "metadata.json", options_.holder, &memory[2]);
     capture_.layout = "hypernerf";
     for (const std::string& id : ids) last_ = std::max(last_, warp_of(metadata, id));
+    for (const std::string& id : tests) {
+      if (std::find(ids.begin(), ids.end(), id) != ids.end()) continue;
+      capture_.notes.push_back("val_ids of dataset.json has an image that ids has not: " + id +
+                               ".");
+      break;
+    }
     LeftOut left_out;
     for (size_t k = 0; k < ids.size(); ++k) {
       // Without a list for tests: every 4th trains, and the one 2 later tests.
@@ -135,6 +141,9 @@ class HypernerfReader {
     const std::vector<double> principal = numbers(place, root, "principal_point", 2);
     const double focal = io::number(place, root, "focal_length");
     const double aspect = io::number_or(place, root, "pixel_aspect_ratio", 1);
+    if (!(std::abs(io::number_or(place, root, "skew", 0)) <= 1e-6 * std::abs(focal))) {
+      place.fail(L4D_ERR_FEATURE_UNSUPPORTED, "the camera has a skew");
+    }
     camera.width = static_cast<uint32_t>(std::clamp(size[0] / factor, 0.0, 1e6));
     camera.height = static_cast<uint32_t>(std::clamp(size[1] / factor, 0.0, 1e6));
     camera.fx = focal / factor;
@@ -171,6 +180,7 @@ class HypernerfReader {
       const l4d_camera& b = other.source.camera;
       const bool same = other.split == camera.split && a.width == b.width && a.height == b.height &&
                         a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy &&
+                        io::same_lens(other.source.distortion, camera.source.distortion) &&
                         std::equal(a.world_to_camera, a.world_to_camera + 12, b.world_to_camera);
       if (same) return k;
     }

@@ -437,6 +437,11 @@ TEST(Captures, Dnerf) {
   EXPECT_THAT(capture.notes,
               testing::Contains("Times of images are multiplied by --seconds (2): the last one is "
                                 "at 1.5 s, and the sequence lasts 2 s."));
+  // An image of another lens is of another camera.
+  json changed = json::parse(test::bytes_of(folder / "transforms_train.json"));
+  changed["frames"][0]["k1"] = 0.1;
+  std::ofstream(folder / "transforms_train.json") << changed;
+  EXPECT_EQ(read_capture(folder / "transforms_train.json", options).cameras.size(), 5U);
   // Cameras are where they were.
   const l4d_camera& a = capture.cameras[0].source.camera;
   const l4d_camera& b = source.cameras[4].source.camera;

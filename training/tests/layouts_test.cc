@@ -676,6 +676,19 @@ TEST(Layouts, WrongSelfcapAndHypernerf) {
   write_text(folder / "s/extri.yml", text);
   expect_error(folder / "s", L4D_ERR_CORRUPT, "camera cam02");
   write_hypernerf(truth, folder / "h");
+  const std::string one = folder / "h/camera/cam02_1.json", whole = test::bytes_of(one);
+  const auto with = [&](const char* key, const json& value) {
+    json camera = json::parse(whole);
+    camera[key] = value;
+    write_text(one, camera.dump());
+  };
+  // Images of one place are of one camera, but not where the lens has changed.
+  EXPECT_EQ(read_capture(folder / "h", {}).cameras.size(), kCameras);
+  with("radial_distortion", {0.1, 0, 0});
+  EXPECT_EQ(read_capture(folder / "h", {}).cameras.size(), kCameras + 1);
+  with("skew", 2);
+  expect_error(folder / "h", L4D_ERR_FEATURE_UNSUPPORTED, "cam02_1: the camera has a skew");
+  write_text(one, whole);
   fs::remove(folder / "h/rgb/2x/cam03_1.png");
   expect_error(folder / "h", L4D_ERR_IO, "cam03_1");
   fs::remove(folder / "h/camera/cam02_1.json");
