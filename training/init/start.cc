@@ -5,15 +5,12 @@
 #include <cmath>
 #include <set>
 
-#include "io/ply/ply.h"
 #include "libl4dcodec/scene/sh.h"
 #include "training/model/random.h"
 #include "training/step/schedule.h"
 
 namespace l4d::train {
 namespace {
-
-using io::Error;
 
 constexpr float kStartOpacity = 0.1f;
 constexpr float kDc = static_cast<float>(sh_constant::k0);
@@ -32,6 +29,16 @@ void random_direction(const Random4& r, double* out) {
   out[2] = z;
 }
 
+bool third_sees(const Capture& capture, const float* p) {
+  size_t seen = 0;
+  for (const CaptureCamera& camera : capture.cameras) {
+    seen += sees(camera.source.camera, p) ? 1U : 0U;
+  }
+  return 3 * seen >= capture.cameras.size();
+}
+
+}  // namespace
+
 bool sees(const l4d_camera& camera, const float* p) {
   double view[3];
   for (size_t r = 0; r < 3; ++r) {
@@ -43,60 +50,6 @@ bool sees(const l4d_camera& camera, const float* p) {
   const double x = camera.fx * view[0] / view[2] + camera.cx;
   const double y = camera.fy * view[1] / view[2] + camera.cy;
   return x >= 0 && y >= 0 && x < camera.width && y < camera.height;
-}
-
-bool third_sees(const Capture& capture, const float* p) {
-  size_t seen = 0;
-  for (const CaptureCamera& camera : capture.cameras) {
-    seen += sees(camera.source.camera, p) ? 1U : 0U;
-  }
-  return 3 * seen >= capture.cameras.size();
-}
-
-}  // namespace
-
-std::vector<Point> read_points(const std::string& path) {
-  io::PlyReader reader(io::InputFile(path), "vertex");
-  const io::PlyElement& element = reader.element();
-  std::vector<io::PlyColumn> columns;
-  const size_t n = static_cast<size_t>(element.count);
-  std::vector<float> xyz(3 * n), rgb(3 * n, 0.5f), time(n);
-  const auto column = [&](const char* name, std::vector<float>* to, size_t first, size_t stride) {
-    const size_t property = element.find(name);
-    if (property == io::PlyElement::kNone) return false;
-    io::PlyColumn c;
-    c.property = property;
-    c.to_float = to->data();
-    c.first = first;
-    c.stride = stride;
-    columns.push_back(c);
-    return true;
-  };
-  if (!column("x", &xyz, 0, 3) || !column("y", &xyz, 1, 3) || !column("z", &xyz, 2, 3)) {
-    reader.fail(L4D_ERR_FEATURE_UNSUPPORTED, "the points have no x, y and z");
-  }
-  bool has_colour =
-      column("red", &rgb, 0, 3) && column("green", &rgb, 1, 3) && column("blue", &rgb, 2, 3);
-  const bool is_byte =
-      has_colour && element.properties[element.find("red")].type == io::PlyType::kUint8;
-  const bool has_time = column("t", &time, 0, 1);
-  reader.read_rows(columns);
-  std::vector<Point> points(n);
-  for (size_t i = 0; i < n; ++i) {
-    Point& p = points[i];
-    p.time = time[i];
-    p.has_time = has_time;
-    for (size_t c = 0; c < 3; ++c) {
-      p.position[c] = xyz[3 * i + c];
-      p.rgb[c] = rgb[3 * i + c] / (is_byte ? 255.0f : 1.0f);
-      if (!std::isfinite(p.position[c]) || !std::isfinite(p.rgb[c]) || !std::isfinite(p.time)) {
-        reader.fail(L4D_ERR_CORRUPT,
-                    "point " + std::to_string(i) + " has a number that is not finite");
-      }
-    }
-  }
-  if (points.empty()) reader.fail(L4D_ERR_CORRUPT, "there are no points");
-  return points;
 }
 
 std::vector<Point> random_points(const Capture& capture, uint64_t count, uint64_t seed) {

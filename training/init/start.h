@@ -21,8 +21,15 @@ struct StartOptions {
 };
 
 // x, y, z, optionally red, green, blue (uchar, or float in [0, 1]) and t (s) of the element
-// `vertex`. Throws io::Error.
-std::vector<Point> read_points(const std::string& path);
+// `vertex`. Throws io::Error. Points without colours are noted.
+std::vector<Point> read_points(const std::string& path, std::vector<std::string>* notes);
+
+// Notes points that are of another time than the capture, and where no camera sees any.
+void note_points(const Capture& capture, const std::vector<Point>& points,
+                 std::vector<std::string>* notes);
+
+// Whether the point is in the image of the camera.
+bool sees(const l4d_camera& camera, const float* p /* [3] */);
 
 // Without points: half of them in the ball around the mean of the cameras with their radius, where
 // a third of the cameras see it, half in a shell of 0.9 to 1.5 of that radius; random colours.

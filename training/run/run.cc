@@ -257,7 +257,13 @@ class Run {
 
   std::vector<Point> first_points(uint64_t count) {
     const std::string& init = settings_.init;
-    if (init == "capture") return capture_.points;
+    std::vector<std::string> notes;
+    const auto noted = [&](std::vector<Point> points) {
+      note_points(capture_, points, &notes);
+      for (const std::string& note : notes) say(note);
+      return points;
+    };
+    if (init == "capture") return noted(capture_.points);
     if (init == "hull" || init == "auto") {
       std::vector<Point> points =
           hull_points(capture_, *loader_, instants_, *store_, count, settings_.seed);
@@ -268,7 +274,7 @@ class Run {
       }
     }
     if (init == "frustum" || init == "auto") return random_points(capture_, count, settings_.seed);
-    return read_points(init);
+    return noted(read_points(init, &notes));
   }
 
   Checkpoint load_newest() {

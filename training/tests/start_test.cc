@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "io/camera/read_cameras.h"
+#include "training/tests/tiny_capture.h"
 
 namespace l4d::train {
 namespace {
@@ -22,6 +23,9 @@ Capture capture_of_rig() {
     double* m = camera.source.camera.world_to_camera;
     m[0] = m[5] = m[10] = 1;
     m[3] = -x;
+    camera.source.camera.width = camera.source.camera.height = 64;
+    camera.source.camera.fx = camera.source.camera.fy = 32;
+    camera.source.camera.cx = camera.source.camera.cy = 32;
     camera.split = "train";
     capture.cameras.push_back(camera);
   }
@@ -54,6 +58,49 @@ TEST(Start, PointsOfASkyFillIt) {
   EXPECT_NEAR(scale_at(1.5, 0.012), 0.012, 0.002);
   // What is as near as the cameras are to each other stays as small as before.
   EXPECT_NEAR(scale_at(0.5, 0.2), 0.05, 1e-6);
+}
+
+std::string write_points(const test::Folder& folder, const std::string& type,
+                         const std::string& row, const char* last = "blue") {
+  const std::string path = folder / "points.ply";
+  std::ofstream(path) << "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
+                         "property float y\nproperty float z\nproperty float t\nproperty "
+                      << type << " red\nproperty " << type << " green\nproperty " << type << " "
+                      << last << "\nend_header\n"
+                      << row << "\n";
+  return path;
+}
+
+// Colours and times of points may be in other units, and points in other coordinates.
+TEST(Start, PointsAreReadAsTheyAreOrNamed) {
+  const test::Folder folder;
+  std::vector<std::string> notes;
+  const auto read = [&](const std::string& path) {
+    try {
+      const std::vector<Point> points = read_points(path, &notes);
+      note_points(capture_of_rig(), points, &notes);
+      return points.at(0).rgb[1];
+    } catch (const io::Error& error) {
+      notes.push_back(error.what());
+      return -1.0f;
+    }
+  };
+  EXPECT_EQ(read(write_points(folder, "float", "0 0 2 0.5 0 0.25 1")), 0.25f);
+  EXPECT_EQ(read(write_points(folder, "uchar", "0 0 2 1 0 51 255")), 0.2f);
+  EXPECT_TRUE(notes.empty());
+  const std::string path = write_points(folder, "float", "0 0 2 0.5 0 128 255");
+  EXPECT_EQ(read(path), -1);
+  EXPECT_EQ(notes.back(), path + ": point 0 has the green 128; floats are from 0 to 1");
+  EXPECT_EQ(read(write_points(folder, "ushort", "0 0 2 0.5 0 128 255")), -1);
+  EXPECT_NE(notes.back().find("as uchar or as float"), std::string::npos) << notes.back();
+  EXPECT_EQ(read(write_points(folder, "uchar", "0 0 2 0.5 0 128 255", "azure")), -1);
+  EXPECT_EQ(notes.size(), 3U);
+  EXPECT_EQ(read(write_points(folder, "uchar", "0 0 -2 9 0 51 255")), 0.2f);
+  EXPECT_EQ(notes[3],
+            "1 of 1 points have a time outside of the sequence; t is in seconds from its begin.");
+  EXPECT_EQ(notes[4],
+            "No camera sees any of the 1 points; they should be in the coordinates of the "
+            "cameras.");
 }
 
 }  // namespace
