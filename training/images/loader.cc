@@ -55,6 +55,11 @@ ImageLoader::ImageLoader(const Capture& capture, double scale, double near) : ca
       mask.assign(size_t{out.width} * out.height, 0);
       // A pixel counts where nothing of it is masked.
       for (size_t i = 0; i < mask.size(); ++i) mask[i] = small.rgb[3 * i] == 255 ? 255 : 0;
+      if (std::find(mask.begin(), mask.end(), 255) == mask.end()) {
+        const std::string by = camera.source.mask.empty() ? "lens" : "mask, " + camera.source.mask;
+        throw Error(L4D_ERR_CORRUPT,
+                    camera.name + ": by its " + by + ", none of its pixels counts");
+      }
     }
     masks_.push_back(std::move(mask));
     undistortions_.push_back(std::move(undistortion));

@@ -189,6 +189,13 @@ TEST(Captures, MissingFrames) {
   EXPECT_THAT(inspected(), HasSubstr("camera 2: its mask: " + masked + "/mask.png has 48 x 64"));
   io::write_png(masked + "/mask.png", io::Image(64, 48));
   EXPECT_THAT(inspected(), HasSubstr("cameras    16"));
+  const Capture black = read_capture(masked, {});
+  try {
+    const ImageLoader loader(black, 1);
+    ADD_FAILURE() << "a mask of which no pixel counts";
+  } catch (const io::Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("camera 2: by its mask, " + masked + "/mask.png, none of"));
+  }
 }
 
 // Workers render several views at a time, each with a renderer of its own.
