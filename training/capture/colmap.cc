@@ -59,6 +59,10 @@ Capture read_colmap_capture(const std::string& folder, const CaptureOptions& opt
   check_time(root, names, set);
   Capture capture = make_video_capture(folder, set, options);
   capture.layout = "colmap";
+  // COLMAP writes one for each part of the photos that it cannot join.
+  if (fs::exists(root / "sparse" / "1", error)) {
+    capture.notes.push_back("There are other models beside sparse/0, which are not read.");
+  }
   for (const io::ColmapPoint& p : io::read_colmap_points(model, options.holder)) {
     Point point{};
     std::copy_n(p.position, 3, point.position);

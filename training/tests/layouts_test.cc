@@ -606,11 +606,13 @@ TEST(Layouts, ColmapThatIsCutOffIsNamed) {
   expect_error(folder / "c", L4D_ERR_FEATURE_UNSUPPORTED, "model 9");
 }
 
-// As COLMAP makes it of photos.
-TEST(Layouts, ColmapOfOneInstantIsNamed) {
+// As COLMAP makes them of photos.
+TEST(Layouts, ColmapModelsOfOneInstantAndOfPartsAreNamed) {
   const Truth truth;
   const test::Folder folder;
   write_colmap(truth, folder / "c", false);
+  fs::create_directories(folder / "c/sparse/1");
+  EXPECT_THAT(read_capture(folder / "c", {}).notes, testing::Contains(HasSubstr("other models")));
   fs::remove_all(folder / "c/images");
   expect_error(folder / "c", L4D_ERR_IO, "videos/cam00.mp4");
   write_text(folder / "c/images/cam03.png", "a photo");
