@@ -29,7 +29,7 @@ expect() {
   shift 2
   "$train" "$@" >out 2>err || status=$?
   [ "$status" -eq "$want" ] || { cat out err >&2; die "l4dtrain $*: exit status $status, not $want"; }
-  cat out err | grep -Eq -- "$pattern" || { cat out err >&2; die "l4dtrain $*: nothing matches $pattern"; }
+  grep -Eq -- "$pattern" out err || { cat out err >&2; die "l4dtrain $*: nothing matches $pattern"; }
 }
 
 "$codec" synth --scene cloud --seconds 0.8 --fps 10 --gaussians 800 --seed 7 -o truth.ply --quiet
