@@ -9,8 +9,10 @@
 #include <cstring>
 #include <filesystem>
 #include <string_view>
+#include <system_error>
 
 #include "io/file/file.h"
+#include "io/file/unmarked.h"
 
 namespace l4d::io {
 namespace {
@@ -158,8 +160,14 @@ bool is_stream(const std::string& path) {
 std::optional<ForeignKind> identify_foreign(const std::string& path, const std::string& name) {
   const FileHandle file(std::fopen(path.c_str(), "rb"));
   if (!file) throw Error(L4D_ERR_IO, path + ": cannot open: " + std::strerror(errno));
-  std::array<char, 256> bytes;
+  std::array<char, 1024> bytes;
   const std::string_view head(bytes.data(), std::fread(bytes.data(), 1, bytes.size(), file.get()));
+  std::error_code error;
+  const uintmax_t size = std::filesystem::file_size(path, error);
+  const std::string extension = lower_extension(name);
+  // Its first byte may be anything, and so a byte that others begin with.
+  const bool is_splat = !error && looks_like_splat(head, size);
+  if (is_splat && extension == ".splat") return by_extension(".splat");
   const auto begins = [&](std::string_view magic) { return head.substr(0, magic.size()) == magic; };
   if (begins("ply") || begins(kStreamMagic)) return std::nullopt;
   for (const Magic& magic : kMagics) {
@@ -167,9 +175,16 @@ std::optional<ForeignKind> identify_foreign(const std::string& path, const std::
       return by_extension(magic.extension);
     }
   }
-  const std::string extension = lower_extension(name);
+  if (!error && looks_like_ksplat(head, size)) return by_extension(".ksplat");
+  if (is_splat) {
+    return ForeignKind{"a SPLAT file by its numbers", "it is read under a name that ends in .splat",
+                       ""};
+  }
   if (begins("PK\x03\x04")) return extension == ".sog" ? by_extension(".sog") : of_zip(head);
-  if (begins("\x1f\x8b")) return by_extension(extension == ".spz" ? ".spz" : ".gz");
+  if (begins("\x1f\x8b")) {
+    const bool is_spz = extension == ".spz" || is_gzip_of(head, "NGSP");
+    return by_extension(is_spz ? ".spz" : ".gz");
+  }
   if (begins("version https://git-lfs")) {
     return ForeignKind{"a pointer of Git LFS and not the file itself",
                        "`git lfs pull` fetches that", ""};

@@ -56,6 +56,8 @@ class Files {
     return read_counted(&file, holder_, memory);
   }
 
+  bool is_archive() const { return archive_.has_value(); }
+
   static constexpr const char* kMeta = "meta.json";
 
  private:
@@ -84,8 +86,10 @@ class SogReader {
     const std::shared_ptr<void> parsed =
         hold(options_.holder, json_bytes(begin, text.size(), 0), path_ + ": meta.json");
     const std::string wrong = parse_json(begin, begin + text.size(), &meta_);
-    if (!wrong.empty()) fail("meta.json: " + wrong);
-    if (!meta_.is_object()) fail("meta.json is no object of JSON");
+    if (!wrong.empty() || !meta_.is_object()) {
+      if (!files_.is_archive()) fail("no SOG file: it is neither a ZIP archive nor a meta.json");
+      fail(wrong.empty() ? "meta.json is no object of JSON" : "meta.json: " + wrong);
+    }
     has_codebooks_ = meta_.contains("version");
     if (has_codebooks_ && meta_["version"] != 2) {
       throw Error(L4D_ERR_FEATURE_UNSUPPORTED,

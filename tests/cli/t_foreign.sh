@@ -69,6 +69,11 @@ printf '....ftypisom%060d' 0 > a.mp4
 named a.mp4 'a video, .*l4dtrain train'
 printf '<!DOCTYPE html><html>%060d' 0 > page
 named page 'a web page, '
+# Numbers without a name of their format: 40 Gaussians of SPLAT.
+"$PYTHON" -c 'import struct
+row = lambda i: struct.pack("<6f8B", i / 8, 0, 1, 0.1, 0.2, 0.1, 200, 100, 50, 255, 255, 128, 128, 128)
+open("numbers.sog", "wb").write(b"".join(map(row, range(40))))'
+named numbers.sog 'a SPLAT file by its numbers, .*a name that ends in .splat'
 printf 'version https://git-lfs.github.com/spec/v1\n%060d' 0 > pointer.ply
 named pointer.ply 'a pointer of Git LFS .*git lfs pull'
 "$PYTHON" -c 'import struct; open("s.safetensors", "wb").write(struct.pack("<Q", 8) + b"{\"a\":{} }"[:8])'
