@@ -9,14 +9,13 @@
 
 namespace l4d::cli {
 
+std::string cameras_help() { return std::string("Cameras to look from: ") + io::kCameraFiles; }
+
 void CameraArguments::add_options(Verb* verb, const std::string* seconds) {
   seconds_ = seconds;
   const std::string group = "Cameras and views";
-  auto* file = verb->add_option("--cameras", cameras,
-                                "Cameras to look from: cameras.json, D-NeRF transforms*.json or "
-                                "poses_bounds.npy")
-                   ->type_name("FILE")
-                   ->group(group);
+  auto* file =
+      verb->add_option("--cameras", cameras, cameras_help())->type_name("FILE")->group(group);
   auto* made_up = verb->add_option("--orbit", orbit,
                                    "In place of --cameras, N cameras made up around the scene")
                       ->type_name("N")

@@ -36,6 +36,9 @@ struct CameraArguments {
   mutable std::shared_ptr<const io::CameraSet> set_;
 };
 
+// What help says of --cameras: the kinds of files.
+std::string cameras_help();
+
 // --any-path, of whatever reads a file of cameras.
 Option* add_any_path_option(Verb* verb, bool& any_path);
 // Reads a file of cameras and adds it, and what it names that is there, to the command's files.

@@ -69,6 +69,10 @@ bool names_stdout(const std::string& name) {
 
 }  // namespace
 
+std::string scene_help(const std::string& what) {
+  return what + ": .l4d, " + io::list_of_scene_files() + " (docs/formats.md), '-' = stdin";
+}
+
 Input::Input(Context& context, const std::string& name, const std::string& what)
     : name_(name == "-" ? "stdin" : name), path_(name) {
   context.files.add_input(name, what);

@@ -14,6 +14,9 @@ namespace l4d::cli {
 
 inline constexpr const char* kTheInput = "the input";
 
+// What help says of an argument that names a scene: "Scene: .l4d, .ply, ...".
+std::string scene_help(const std::string& what = "Scene");
+
 // An input as named on the command line. "-" is stdin, which is copied to an unnamed temporary
 // file, because reading a scene needs random access.
 class Input {

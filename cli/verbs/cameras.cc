@@ -159,15 +159,13 @@ void add_cameras(Registry& registry) {
   Verb* verb =
       add_verb(registry, "cameras", "Write a file of cameras, for --cameras of other verbs",
                [arguments](Context& context) { return run_cameras(context, *arguments); });
-  verb->add_option("input", arguments->input, "Scene that made-up cameras look at: .l4d or PLY");
+  verb->add_option("input", arguments->input, scene_help("Scene that made-up cameras look at"));
   verb->add_option("-o,--output", arguments->output, "cameras.json to write, '-' = stdout")
       ->type_name("FILE")
       ->required();
-  Option* from =
-      verb->add_option("--from", arguments->from,
-                       "Convert cameras: the folder of a COLMAP model, transforms*.json,\n"
-                       "poses_bounds.npy, the exported path of nerfstudio's viewer, cameras.json")
-          ->type_name("FILE");
+  Option* from = verb->add_option("--from", arguments->from,
+                                  std::string("Convert cameras: ") + io::kCameraFiles)
+                     ->type_name("FILE");
   add_any_path_option(verb, arguments->any_path)->needs(from);
   verb->add_option("--orbit", arguments->orbit,
                    "N cameras around the scene; the first and every 8th after it are for tests")

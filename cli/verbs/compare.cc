@@ -232,8 +232,8 @@ void add_compare(Registry& registry) {
   Verb* verb =
       add_verb(registry, "compare", "Measure how far scene B is from A: attributes, or images",
                [arguments](Context& context) { return run_compare(context, *arguments); });
-  verb->add_option("a", arguments->a, "Reference: .l4d or PLY, '-' = stdin")->required();
-  verb->add_option("b", arguments->b, "Scene to measure: .l4d or PLY, '-' = stdin")->required();
+  verb->add_option("a", arguments->a, scene_help("Reference"))->required();
+  verb->add_option("b", arguments->b, scene_help("Scene to measure"))->required();
   verb->add_option("--order", arguments->order,
                    "Pairs told by `encode --order FILE`: A is what was encoded, B the stream")
       ->type_name("FILE");

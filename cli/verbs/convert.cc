@@ -302,9 +302,7 @@ void add_convert(Registry& registry) {
       add_verb(registry, "convert", "Convert a scene to the format that the output's name says",
                [arguments](Context& context) { return run_convert(context, *arguments); });
   verb->add_option("input", arguments->input,
-                   "Scene: .l4d, PLY of any kind that is read, SPZ, SOG, .splat, .ksplat, .splatv, "
-                   ".4dgs, raw arrays, '-' = "
-                   "stdin; or frames of a sequence: a folder, or a name with a %d")
+                   scene_help() + "; or frames of a sequence: a folder, or a name with a %d")
       ->required();
   verb->add_option(
           "output", arguments->output,

@@ -222,7 +222,7 @@ void add_decode(Registry& registry) {
   auto arguments = std::make_shared<DecodeArguments>();
   Verb* verb = add_verb(registry, "decode", "Decode a stream, or part of it, to a PLY or to arrays",
                         [arguments](Context& context) { return run_decode(context, *arguments); });
-  verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
+  verb->add_option("input", arguments->input, scene_help())->required();
   verb->add_option("-o,--output", arguments->output,
                    "PLY or .4dgs to write, '-' = stdout (default: input's name with .ply)")
       ->type_name("FILE");

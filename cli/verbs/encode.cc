@@ -659,9 +659,10 @@ void add_encode(Registry& registry) {
   });
   verb->add_option(
           "input", arguments->inputs,
-          "Scene: PLY (l4d, 3DGS, FreeTimeGS, SpacetimeGaussians lite, Real-time-4DGS), raw arrays "
-          "or .l4d, '-' = stdin. A sequence of frames: several static scenes, a folder of them, or "
-          "a name with a %d as frame_%04d.ply. With --live: pieces of a scene, or a folder")
+          scene_help() +
+              ". A PLY: l4d, 3DGS, FreeTimeGS, SpacetimeGaussians lite, Real-time-4DGS. A sequence "
+              "of frames: several static scenes, a folder of them, or a name with a %d as "
+              "frame_%04d.ply. With --live: pieces of a scene, or a folder")
       ->required();
   verb->add_option("-o,--output", arguments->output,
                    "Stream to write, '-' = stdout (default: input's name with .l4d)")

@@ -675,7 +675,7 @@ void add_info(Registry& registry) {
   Verb* verb = add_verb(registry, "info",
                         "Print what a scene holds, where its bytes go, and what a seek costs",
                         [arguments](Context& context) { return run_info(context, *arguments); });
-  verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
+  verb->add_option("input", arguments->input, scene_help())->required();
   verb->add_option("--time", arguments->time, "Also the cost of a seek to this time: 2.5, 1:30")
       ->type_name("T");
   verb->add_option("--detail", arguments->detail, "Of that seek: full, or base colours only")

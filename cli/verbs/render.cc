@@ -384,7 +384,7 @@ void add_render(Registry& registry) {
   auto arguments = std::make_shared<RenderArguments>();
   Verb* verb = add_verb(registry, "render", "Render the scene to an image, a sequence or a video",
                         [arguments](Context& context) { return run_render(context, *arguments); });
-  verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
+  verb->add_option("input", arguments->input, scene_help())->required();
   verb->add_option("-o,--output", arguments->output,
                    "PNG to write, '-' = stdout; a sequence needs a %d: out_%04d.png, counted from "
                    "0, or is a video: out.mp4 (made by ffmpeg)")
@@ -397,9 +397,9 @@ void add_render(Registry& registry) {
   for (const char* other : {"--time", "--from", "--to"}) range->excludes(verb->get_option(other));
   auto* cameras =
       verb->add_option("--cameras", arguments->cameras,
-                       "Cameras to look from: cameras.json, D-NeRF transforms*.json "
-                       "or poses_bounds.npy (default: the first view that the scene states,\n"
-                       "else one from where much of it is seen)")
+                       cameras_help() +
+                           " (default: the first view that the scene states, else one from where "
+                           "much of it is seen)")
           ->type_name("FILE");
   add_any_path_option(verb, arguments->any_path)->needs(cameras);
   verb->add_option("--camera", arguments->camera,

@@ -87,7 +87,7 @@ void add_sensitivity(Registry& registry) {
   Verb* verb = add_verb(
       registry, "sensitivity", "Measure how much each Gaussian matters for images of the scene",
       [arguments](Context& context) { return run_sensitivity(context, *arguments); });
-  verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
+  verb->add_option("input", arguments->input, scene_help())->required();
   verb->add_option("-o,--output", arguments->output,
                    "Weights to write, for `encode --weights`; '-' = stdout")
       ->type_name("FILE")

@@ -184,7 +184,7 @@ void add_slice(Registry& registry) {
   Verb* verb =
       add_verb(registry, "slice", "Write the scene at an instant, or at many, as static files",
                [arguments](Context& context) { return run_slice(context, *arguments); });
-  verb->add_option("input", arguments->input, "Scene: .l4d or PLY, '-' = stdin")->required();
+  verb->add_option("input", arguments->input, scene_help())->required();
   verb->add_option(
           "-o,--output", arguments->output,
           "What to write, by its name: .ply (3DGS), .spz, .sog, .glb (glTF) or .usda (OpenUSD); "

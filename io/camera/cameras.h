@@ -66,8 +66,14 @@ struct CameraSet {
   std::vector<std::string> notes;  // assumptions made, one sentence each, for people
 };
 
-// Reads cameras.json (K and w2c per camera), transforms*.json of Blender, D-NeRF and their kin, or
-// poses_bounds.npy of LLFF, told apart by what they hold. Throws Error that names path and camera:
+// What read_cameras() reads, for help texts.
+inline constexpr const char* kCameraFiles =
+    "cameras.json, transforms*.json (Blender, D-NeRF, nerfstudio, instant-ngp), poses_bounds.npy, "
+    "the exported path of nerfstudio's viewer, or the folder of a COLMAP model";
+
+// Reads cameras.json (K and w2c per camera), transforms*.json of Blender, D-NeRF and their kin,
+// poses_bounds.npy of LLFF, a camera path of nerfstudio, or the folder of a COLMAP model, told
+// apart by what they hold. Throws Error that names path and camera:
 // L4D_ERR_IO, L4D_ERR_CORRUPT, L4D_ERR_FEATURE_UNSUPPORTED. A file may come from anywhere: images
 // that it names outside its folder are not opened to learn their size unless any_path is set
 // (L4D_ERR_INVALID_ARGUMENT). Numbers are finite and in these ranges, else the file is CORRUPT:

@@ -44,6 +44,12 @@ std::string foreign_refusal(const std::string& path, const std::string& name) {
   return ": this is " + foreign->name + ", and no stream or PLY; " + foreign->way;
 }
 
+std::string list_of_scene_files() {
+  std::string list = ".ply";
+  for (const KnownReader& known : kReaders) list += std::string(", ") + known.extension;
+  return list;
+}
+
 Scene read_scene_file(const std::string& path, const std::string& name,
                       const ImportOptions& options) {
   const Reader read = reader_of(path, name);

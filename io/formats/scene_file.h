@@ -15,6 +15,9 @@ bool is_scene_file(const std::string& path, const std::string& name);
 // goes on behind the file's name.
 std::string foreign_refusal(const std::string& path, const std::string& name);
 
+// Extensions of files that read_scene_file() reads, with a comma between them, a PLY first.
+std::string list_of_scene_files();
+
 // Reads a scene of any format that docs/formats.md lists as read, but for streams. Throws Error:
 // L4D_ERR_IO, L4D_ERR_CORRUPT, L4D_ERR_FEATURE_UNSUPPORTED, L4D_ERR_LIMIT_EXCEEDED.
 Scene read_scene_file(const std::string& path, const std::string& name,

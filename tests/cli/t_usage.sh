@@ -129,6 +129,21 @@ for verb in encode decode info slice render validate compare sensitivity synth v
   expect 0 help "$verb"
   cmp out by_option
 done
+# Help of what is read is one list, whatever the verb.
+formats=
+for verb in encode decode info slice render compare sensitivity convert cameras; do
+  expect 0 "$verb" --help
+  tr -s ' \n' ' ' < out > flat
+  found=$(grep -o ' \.l4d, \.ply, [^)]*(docs/formats.md)' flat | sort -u)
+  [ -n "$found" ] || die "help of $verb does not list what it reads"
+  expect_equal "${formats:=$found}" "$found"
+  [[ $verb != @(encode|render|compare|sensitivity|cameras) ]] ||
+    expect_text flat 'cameras.json, transforms.*poses_bounds.npy,.*nerfstudio.*COLMAP'
+done
+for extension in ply spz sog splat ksplat splatv 4dgs safetensors; do
+  [[ $formats == *".$extension"[,\ ]* ]] || die "help does not list .$extension: $formats"
+done
+
 expect 0 help
 for verb in encode decode info slice render validate compare sensitivity synth version; do
   expect_text out "^  $verb "
