@@ -44,14 +44,16 @@ eval::RenderedScene render_input(Context& context, const Input& input,
   } else if (has_members(context, input)) {
     const auto reader = std::make_shared<FileReader>(input.path());
     source = about(input.name(), [&] {
-      return eval::StreamMembers{
-          reader, std::make_shared<eval::ShownMembers>(*reader->get(), rendering.decoder)};
+      auto members = std::make_shared<eval::ShownMembers>(*reader->get(), rendering.decoder);
+      note_unused(context, input, arguments, members->timeline());
+      return eval::StreamMembers{reader, std::move(members)};
     });
   } else {
     about(input.name(), [&] {
       DecoderHandle decoder(&rendering.decoder);
       decoder.open_file(input.path());
       note_members(context, input, decoder.info().timeline);
+      note_unused(context, input, arguments, decoder.info().timeline);
     });
   }
   return eval::RenderedScene(std::move(rendering), std::move(source), input.name());

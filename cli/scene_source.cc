@@ -13,13 +13,28 @@
 namespace l4d::cli {
 namespace {
 
-io::Scene import_scene(Context& context, const Input& input, const ImportArguments& arguments) {
+io::ImportOptions parse(const ImportArguments& arguments) {
   arguments.check();
   io::ImportOptions options;
-  options.holder = context.budget().holder();
   if (!arguments.seconds.empty()) options.seconds = parse_seconds(arguments.seconds, "--seconds");
   if (!arguments.fps.empty()) options.fps = parse_number(arguments.fps, "--fps");
   options.activated = arguments.activated;
+  return options;
+}
+
+void note_unused(Context& context, const Input& input, const ImportArguments& arguments,
+                 const l4d_timeline& timeline, const std::string& source) {
+  io::ImportOptions options = parse(arguments);
+  // Times of cameras that state none have a use for it.
+  if (arguments.cameras != nullptr && !arguments.cameras->empty()) options.seconds = 0;
+  for (const std::string& text : io::unused_options(options, timeline, source)) {
+    context.note(input.name() + ": " + text);
+  }
+}
+
+io::Scene import_scene(Context& context, const Input& input, const ImportArguments& arguments) {
+  io::ImportOptions options = parse(arguments);
+  options.holder = context.budget().holder();
   io::Scene scene;
   {
     Progress progress(context, "read");
@@ -32,6 +47,7 @@ io::Scene import_scene(Context& context, const Input& input, const ImportArgumen
     throw Failure(L4D_ERR_INVALID_SCENE, input.name() + ": the scene holds no Gaussian");
   }
   for (const std::string& note : scene.notes) context.note(note);
+  note_unused(context, input, arguments, scene.timeline, scene.source);
   return scene;
 }
 
@@ -46,23 +62,30 @@ void ImportArguments::check() const {
   }
 }
 
-void add_import_options(Verb* verb, ImportArguments& arguments, bool takes_cameras) {
-  const std::string group = takes_cameras ? "Times that files do not state"
-                                          : "Import of PLY files that carry no timeline";
+void add_import_options(Verb* verb, ImportArguments& arguments, const std::string* cameras) {
+  const bool takes_cameras = cameras != nullptr;
+  arguments.cameras = cameras;
+  const std::string group =
+      takes_cameras ? "Times that files do not state" : "Import of files that state no timeline";
   verb->add_option("--seconds", arguments.seconds,
                    takes_cameras ? "What 1 in the times of D-NeRF cameras stands for, as for "
-                                   "l4dtrain, and the duration of a PLY that carries no timeline "
-                                   "(default: 1)"
+                                   "l4dtrain, and the duration of a scene whose file states no "
+                                   "timeline (default: 1)"
                                  : "Duration of the sequence (default: 1)")
       ->type_name("T")
       ->group(group);
-  verb->add_option("--fps", arguments.fps, "Frame rate of such a PLY (default: 30)")
+  verb->add_option("--fps", arguments.fps, "Frame rate of such a scene (default: 30)")
       ->type_name("F")
       ->group(group);
   verb->add_flag("--activated", arguments.activated,
                  "The PLY has opacities of 0 to 1 and lengths in the columns for logits and "
                  "logarithms")
       ->group(group);
+}
+
+void note_unused(Context& context, const Input& input, const ImportArguments& arguments,
+                 const l4d_timeline& timeline) {
+  note_unused(context, input, arguments, timeline, "l4d");
 }
 
 LoadedScene load_scene(Context& context, const Input& input, const ImportArguments& arguments) {
@@ -79,6 +102,7 @@ LoadedScene load_scene(Context& context, const Input& input, const ImportArgumen
     decoder.check(l4d_decoder_open_file(decoder.get(), input.path().c_str()));
     LoadedScene loaded = decode_scene(context, decoder);
     present(context, input, &loaded);
+    note_unused(context, input, arguments, loaded.scene.timeline);
     return loaded;
   });
 }
@@ -104,6 +128,7 @@ SceneStream::SceneStream(Context& context, const Input& input, const ImportArgum
       decoder_.open_file(input.path());
       note_members(context, input, decoder_.info().timeline);
     });
+    note_unused(context, input, arguments, decoder_.info().timeline);
     source_ = "l4d";
   } else {
     const io::Scene scene = import_scene(context, input, arguments);

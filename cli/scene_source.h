@@ -18,11 +18,16 @@ struct ImportArguments {
   std::string fps;
   bool activated = false;
   bool may_be_empty = false;  // without Gaussians: a piece in which nothing becomes known
+  const std::string* cameras = nullptr;  // the text of --cameras, whose times --seconds then scales
   // Usage errors, also where the scene is a stream and neither is used.
   void check() const;
 };
-// takes_cameras: whether the verb has --cameras, whose times --seconds then scales, too.
-void add_import_options(Verb* verb, ImportArguments& arguments, bool takes_cameras = false);
+// cameras: that of the arguments, of a verb that has --cameras.
+void add_import_options(Verb* verb, ImportArguments& arguments,
+                        const std::string* cameras = nullptr);
+// A note for each of them that was given and that the input, which is a stream, has no use for.
+void note_unused(Context& context, const Input& input, const ImportArguments& arguments,
+                 const l4d_timeline& timeline);
 
 using LoadedScene = eval::DecodedScene;
 

@@ -18,6 +18,7 @@ ShownScene::ShownScene(Context& context, const Input& input, const ImportArgumen
   reader_ = std::make_unique<FileReader>(input.path());
   about(input.name(),
         [&] { members_ = std::make_unique<eval::ShownMembers>(*reader_->get(), options); });
+  note_unused(context, input, arguments, members_->timeline());
 }
 
 l4d_timeline ShownScene::timeline() const {

@@ -67,6 +67,11 @@ void check(const CamerasArguments& arguments) {
   if (!arguments.size.empty() && !arguments.from.empty()) {
     throw usage_error("--size is for made-up cameras");
   }
+  const ImportArguments& import = arguments.import;
+  const bool has_import = !import.seconds.empty() || !import.fps.empty() || import.activated;
+  if (has_import && !arguments.from.empty()) {
+    throw usage_error("--seconds, --fps and --activated are for the scene of made-up cameras");
+  }
   if (!arguments.grid.empty()) grid_of(arguments);
   arguments.import.check();
 }

@@ -271,7 +271,7 @@ void add_compare(Registry& registry) {
   verb->add_flag("--attributes", arguments->attributes,
                  "Also compare attributes, which pairs Gaussians and takes longer")
       ->group(group);
-  add_import_options(verb, arguments->import, true);
+  add_import_options(verb, arguments->import, &arguments->cameras.cameras);
   verb->footer(
       "With --cameras, renders of both are compared: views of the test cameras where the file "
       "tells\n"

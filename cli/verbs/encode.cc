@@ -715,7 +715,7 @@ void add_encode(Registry& registry) {
                  "Decode the result and print its errors, each Gaussian against its own input");
   arguments->parameters.add_options(verb);
   arguments->target.add_options(verb);
-  add_import_options(verb, arguments->import, true);
+  add_import_options(verb, arguments->import, &arguments->cameras.cameras);
   add_sequence_input_options(verb, arguments->sequence);
   verb->footer(
       "Examples:\n"

@@ -434,7 +434,7 @@ void add_render(Registry& registry) {
       ->whole_number(0, 51)
       ->capture_default_str();
   verb->add_option("--seconds", arguments->import.seconds,
-                   "Duration to give a PLY that carries no timeline (default: 1)")
+                   "Duration to give a scene whose file states no timeline (default: 1)")
       ->type_name("T");
   verb->footer(
       "Examples:\n"

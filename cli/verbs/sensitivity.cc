@@ -100,7 +100,7 @@ void add_sensitivity(Registry& registry) {
       ->whole_number(0)
       ->capture_default_str()
       ->group("Importance from views");
-  add_import_options(verb, arguments->import, true);
+  add_import_options(verb, arguments->import, &arguments->cameras.cameras);
   verb->footer(
       "Examples:\n"
       "  l4dcodec sensitivity scene.ply --cameras cameras.json -o weights.ply\n"

@@ -201,7 +201,7 @@ void add_slice(Registry& registry) {
   add_detail_option(verb, arguments->detail);
   add_tolerant_option(verb, arguments->tolerant);
   verb->add_option("--seconds", arguments->import.seconds,
-                   "Duration to give a PLY that carries no timeline (default: 1)")
+                   "Duration to give a scene whose file states no timeline (default: 1)")
       ->type_name("T");
   verb->footer(
       "Examples:\n"

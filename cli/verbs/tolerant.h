@@ -33,6 +33,7 @@ class TolerantStream {
     decoder_ = std::make_unique<DecoderHandle>(&options);
     about(input.name(), [&] { decoder_->open_file(input.path()); });
     info_ = decoder_->info();
+    note_unused(context, input, arguments, info_.timeline);
   }
   const DecoderHandle& decoder() const { return scene_ ? scene_->decoder() : *decoder_; }
   const l4d_info& info() const { return scene_ ? scene_->info() : info_; }

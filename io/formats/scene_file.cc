@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/formats/scene_file.h"
 
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <new>
 #include <utility>
 
@@ -20,6 +23,9 @@ constexpr KnownReader kReaders[] = {{".safetensors", read_raw}, {".spz", read_sp
                                     {".sog", read_sog},         {".splat", read_splat},
                                     {".ksplat", read_ksplat},   {".4dgs", read_4dgs},
                                     {".splatv", read_splatv}};
+
+// Whose columns are for logits and logarithms.
+constexpr const char* kTakesActivated[] = {"3dgs_ply", "ftgs_ply", "stg_ply", "rt4dgs_ply"};
 
 // Nothing for a PLY, and for what has no reader.
 Reader reader_of(const std::string& path, const std::string& name) {
@@ -69,6 +75,35 @@ Scene read_scene_file(const std::string& path, const std::string& name,
   } catch (const std::bad_alloc&) {
     throw Error(L4D_ERR_OUT_OF_MEMORY, path + ": not enough memory for the scene");
   }
+}
+
+std::vector<std::string> unused_options(const ImportOptions& options, const l4d_timeline& timeline,
+                                        const std::string& source) {
+  std::vector<std::string> unused;
+  const auto is_unused = [&](const char* name, double given, const char* why, double stated) {
+    char text[160];
+    std::snprintf(text, sizeof(text), "%s %g is not used: the file states %s%g.", name, given, why,
+                  stated);
+    unused.emplace_back(text);
+  };
+  const double fps = static_cast<double>(timeline.fps_num) / timeline.fps_den;
+  const double seconds = duration(timeline);
+  // A sequence has whole frames.
+  if (options.seconds > 0 && std::abs(seconds - options.seconds) > 1 / fps) {
+    is_unused("--seconds", options.seconds, "a duration in seconds of ", seconds);
+  }
+  if (options.fps > 0 && std::abs(fps - options.fps) > 1e-4 * options.fps) {
+    is_unused("--fps", options.fps, "a frame rate of ", fps);
+  }
+  const auto is_source = [&](const char* known) { return source == known; };
+  if (options.activated &&
+      std::none_of(std::begin(kTakesActivated), std::end(kTakesActivated), is_source)) {
+    unused.push_back(
+        "--activated is not used: it is for PLY files with columns for logits and logarithms, and "
+        "this is " +
+        source + ".");
+  }
+  return unused;
 }
 
 }  // namespace l4d::io

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "io/ply/scene_ply.h"
 
@@ -22,5 +23,10 @@ std::string list_of_scene_files();
 // L4D_ERR_IO, L4D_ERR_CORRUPT, L4D_ERR_FEATURE_UNSUPPORTED, L4D_ERR_LIMIT_EXCEEDED.
 Scene read_scene_file(const std::string& path, const std::string& name,
                       const ImportOptions& options = {});
+
+// A sentence for each option that was given and that changed nothing of a scene which was read with
+// them, be it a stream ("l4d"): it states what they are for, or has no use for it.
+std::vector<std::string> unused_options(const ImportOptions& options, const l4d_timeline& timeline,
+                                        const std::string& source);
 
 }  // namespace l4d::io

@@ -30,6 +30,11 @@ Frame read_frame(const std::string& path, bool activated, const Hold& holder) {
   import.activated = activated;
   import.holder = holder;
   Scene scene = read_scene_file(path, path, import);
+  ImportOptions given;  // the clock is that of the sequence
+  given.activated = activated;
+  for (std::string& note : unused_options(given, scene.timeline, scene.source)) {
+    scene.notes.push_back(std::move(note));
+  }
   // Formats of static scenes alone: of others, an instant would have to be chosen.
   const bool has_time = scene.source == "l4d_ply" || scene.source == "ftgs_ply" ||
                         scene.source == "stg_ply" || scene.source == "rt4dgs_ply" ||

@@ -144,6 +144,29 @@ for extension in ply spz sog splat ksplat splatv 4dgs safetensors; do
   [[ $formats == *".$extension"[,\ ]* ]] || die "help does not list .$extension: $formats"
 done
 
+# What a file has no use for is said by its name.
+expect 0 encode s.ply -o u.l4d --preset lossless
+expect 0 convert u.l4d u.spz --time 1
+for command in 'info u.l4d' 'decode u.l4d -f -o u.ply' 'convert u.l4d u.ply -f' 'encode u.l4d -f -o v.l4d' \
+  'compare u.l4d u.l4d'; do
+  # shellcheck disable=SC2086
+  expect 0 $command --seconds 7 --fps 12 --activated
+  expect_text err 'u.l4d: --seconds 7 is not used: the file states a duration in seconds of 2'
+  expect_text err 'u.l4d: --fps 12 is not used: the file states a frame rate of 30'
+  expect_text err 'u.l4d: --activated is not used: .* this is l4d'
+done
+for command in 'slice u.l4d --time 1 -o w.ply' 'render u.l4d --time 1 --size 8x8 -o w.png' \
+  'slice u.l4d --time 1 -f -o w.ply --tolerant'; do
+  # shellcheck disable=SC2086
+  expect 0 $command --seconds 7
+  expect_text err 'u.l4d: --seconds 7 is not used'
+done
+expect 0 info u.spz --seconds 7 --fps 12 --activated
+expect_text err 'u.spz: --activated is not used: .* this is spz'
+expect_equal "$(grep -c 'not used' err)" 1
+make_cameras made.json
+misuse cameras --from made.json --seconds 7 -o again.json
+
 expect 0 help
 for verb in encode decode info slice render validate compare sensitivity synth version; do
   expect_text out "^  $verb "
