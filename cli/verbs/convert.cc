@@ -143,13 +143,13 @@ void write(Context& context, const ConvertArguments& arguments, const io::Scene&
     case Target::kStream:
       return write_stream(context, arguments, scene, output);
     case Target::kFreeTime:
-      return print_notes(context, io::write_ftgs_ply(output.path(), scene));
+      return print_notes(context, io::write_ftgs_ply(output.path(), scene, check_interrupt));
     case Target::kBirths:
       return write_births(context, output.path(), scene);
     case Target::kArrays:
-      return io::write_raw(output.path(), scene);
+      return io::write_raw(output.path(), scene, check_interrupt);
     case Target::kScene:
-      if (!is_instant) return io::write_l4d_ply(output.path(), scene);
+      if (!is_instant) return io::write_l4d_ply(output.path(), scene, check_interrupt);
       [[fallthrough]];
     case Target::kInstant: {
       io::WriteNotes notes;

@@ -187,11 +187,11 @@ Outcome run_decode(Context& context, const DecodeArguments& arguments) {
     check_interrupt();
     progress.step("writing");
     if (target == "ftgs") {
-      print_notes(context, io::write_ftgs_ply(output.path(), loaded.scene));
+      print_notes(context, io::write_ftgs_ply(output.path(), loaded.scene, check_interrupt));
     } else if (target == "4dgs") {
       write_births(context, output.path(), loaded.scene);
     } else {
-      io::write_l4d_ply(output.path(), loaded.scene);
+      io::write_l4d_ply(output.path(), loaded.scene, check_interrupt);
     }
   }
   const size_t count = loaded.scene.count();

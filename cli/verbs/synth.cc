@@ -85,7 +85,7 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
     scene = io::synthesize(options);
     check_interrupt();
     progress.step("writing");
-    io::write_l4d_ply(output.path(), scene);
+    io::write_l4d_ply(output.path(), scene, check_interrupt);
     if (cameras) io::write_place_cameras(cameras->path(), options.scene, scene.timeline);
   }
   if (cameras) cameras->finish();

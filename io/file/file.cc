@@ -11,6 +11,7 @@
 #include <cstring>
 #include <filesystem>
 #include <system_error>
+#include <utility>
 
 namespace l4d::io {
 namespace fs = std::filesystem;
@@ -137,11 +138,19 @@ void GrowingFile::append(const void* data, size_t n) {
   size_ += n;
 }
 
-OutputFile::OutputFile(const std::string& path) : path_(path) {
-  check(file_.open(path.c_str()), path);
+OutputFile::OutputFile(const std::string& path, Check check)
+    : path_(path), check_(std::move(check)) {
+  io::check(file_.open(path.c_str()), path);
 }
 
-void OutputFile::write(const void* data, size_t n) { check(file_.write(data, n), path_); }
+void OutputFile::write(const void* data, size_t n) {
+  constexpr size_t kBlock = size_t{4} << 20;
+  const auto* bytes = static_cast<const uint8_t*>(data);
+  for (size_t at = 0; at < n; at += kBlock) {
+    call(check_);
+    check(file_.write(bytes + at, std::min(kBlock, n - at)), path_);
+  }
+}
 
 void OutputFile::commit() { check(file_.commit(), path_); }
 

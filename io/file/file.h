@@ -57,7 +57,8 @@ std::vector<uint8_t> read_whole_file(const std::string& path);
 // call fails.
 class OutputFile {
  public:
-  explicit OutputFile(const std::string& path);
+  // check: called before each block of some megabytes; what it throws ends the file.
+  explicit OutputFile(const std::string& path, Check check = {});
 
   void write(const void* data, size_t n);
   void commit();
@@ -65,6 +66,7 @@ class OutputFile {
  private:
   std::string path_;  // as the caller named it, for messages
   AtomicFile file_;
+  Check check_;
 };
 
 // A file that is appended to under its name, for programs that read it meanwhile. It appears with

@@ -12,8 +12,8 @@
 namespace l4d::io {
 namespace {
 
-WriteNotes write_ply(const std::string& path, Splats splats, const InstantSetting& /*setting*/) {
-  write_3dgs_ply(path, splats);
+WriteNotes write_ply(const std::string& path, Splats splats, const InstantSetting& setting) {
+  write_3dgs_ply(path, splats, setting.check);
   return {};
 }
 

@@ -80,7 +80,7 @@ std::vector<uint64_t> raw_shape(const AttributeInfo& attribute, uint64_t count,
 }
 
 void write_raw(const std::string& path, const RawStatements& statements,
-               const std::vector<RawArray>& arrays) {
+               const std::vector<RawArray>& arrays, const Check& check) {
   // Larger elements first, so that each array is aligned to its elements.
   std::vector<const RawArray*> order;
   for (const RawArray& array : arrays) order.push_back(&array);
@@ -107,14 +107,14 @@ void write_raw(const std::string& path, const RawStatements& statements,
   text.resize((text.size() + 7) / 8 * 8, ' ');
   std::vector<uint8_t> length;
   append_little_endian(&length, text.size(), 8);
-  OutputFile file(path);
+  OutputFile file(path, check);
   file.write(length.data(), length.size());
   file.write(text.data(), text.size());
   for (const RawArray* array : order) file.write(array->data, array->num_bytes());
   file.commit();
 }
 
-void write_raw(const std::string& path, const Scene& scene) {
+void write_raw(const std::string& path, const Scene& scene, const Check& check) {
   require_valid(scene, path);
   const uint64_t n = scene.count();
   std::vector<RawArray> arrays;
@@ -130,7 +130,7 @@ void write_raw(const std::string& path, const Scene& scene) {
   write_raw(path,
             {"attributes", n, scene.sh_degree, scene.flags, scene.timeline, scene.placement,
              scene.rendering, scene.presentation},
-            arrays);
+            arrays, check);
 }
 
 }  // namespace l4d::io

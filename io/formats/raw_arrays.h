@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "io/file/memory.h"
 #include "io/scene/scene.h"
 
 namespace l4d::io {
@@ -64,9 +65,9 @@ struct RawStatements {
 
 // Writes the arrays. Throws Error(L4D_ERR_IO).
 void write_raw(const std::string& path, const RawStatements& statements,
-               const std::vector<RawArray>& arrays);
+               const std::vector<RawArray>& arrays, const Check& check = {});
 // Writes a scene, bit for bit and in its order: the arrays of a decoded stream, but for those that
 // only a stream has (`buckets`, `mean_t_local`). Throws Error: L4D_ERR_IO, L4D_ERR_INVALID_SCENE.
-void write_raw(const std::string& path, const Scene& scene);
+void write_raw(const std::string& path, const Scene& scene, const Check& check = {});
 
 }  // namespace l4d::io

@@ -153,7 +153,7 @@ WriteNotes write_gltf(const std::string& path, Splats splats, const InstantSetti
   if (kHeads + text.size() + bytes > UINT32_MAX) {
     throw Error(L4D_ERR_LIMIT_EXCEEDED, path + ": a .glb file has at most 4 GB");
   }
-  OutputFile file(path);
+  OutputFile file(path, setting.check);
   file.write("glTF", 4);
   write_u32(&file, 2);
   write_u32(&file, kHeads + text.size() + bytes);

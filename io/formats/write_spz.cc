@@ -122,6 +122,7 @@ WriteNotes write_spz(const std::string& path, Splats splats, const InstantSettin
   uint8_t streams = 0;
   for (const Bytes& stream : streams_of(splats, bits, &notes)) {
     if (stream.empty()) continue;
+    call(setting.check);
     const Bytes packed = compress(stream, path);
     append_little_endian(&table, packed.size(), 8);
     append_little_endian(&table, stream.size(), 8);
@@ -137,7 +138,7 @@ WriteNotes write_spz(const std::string& path, Splats splats, const InstantSettin
   header.push_back(streams);
   append_little_endian(&header, kSpzHeader, 4);  // where the table is
   header.resize(kSpzHeader);
-  OutputFile file(path);
+  OutputFile file(path, setting.check);
   for (const Bytes* part : {&header, &table, &body}) file.write(part->data(), part->size());
   file.commit();
   return notes;

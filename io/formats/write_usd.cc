@@ -20,7 +20,7 @@ constexpr double kExtentSigmas = 3;
 // Text that goes out in large pieces.
 class UsdText {
  public:
-  explicit UsdText(const std::string& path) : file_(path) {}
+  UsdText(const std::string& path, const Check& check) : file_(path, check) {}
 
   void add(std::string_view text) {
     text_ += text;
@@ -150,7 +150,7 @@ WriteNotes write_usd(const std::string& path, Splats splats, const InstantSettin
                   0);
   }
   const double metres = setting.metres_per_unit > 0 ? setting.metres_per_unit / placement.scale : 1;
-  UsdText text(path);
+  UsdText text(path, setting.check);
   text.add("#usda 1.0\n(\n    defaultPrim = \"Splats\"\n    metersPerUnit = ");
   text.add(text_of_number(metres));
   text.add("\n    upAxis = \"Y\"\n)\n\ndef ParticleField3DGaussianSplat \"Splats\"\n{\n");

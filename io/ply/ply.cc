@@ -330,8 +330,8 @@ void PlyReader::finish() {
 }
 
 PlyWriter::PlyWriter(const std::string& path, const std::vector<std::string>& comments,
-                     uint64_t count, const std::vector<std::string>& properties)
-    : file_(path) {
+                     uint64_t count, const std::vector<std::string>& properties, const Check& check)
+    : file_(path, check) {
   std::string header = "ply\nformat binary_little_endian 1.0\n";
   for (const std::string& comment : comments) header += "comment " + comment + "\n";
   header += "element vertex " + std::to_string(count) + "\n";

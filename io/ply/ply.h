@@ -123,8 +123,9 @@ class PlyReader {
 // whose names end in ":double" and which take two places of a row: see put_double.
 class PlyWriter {
  public:
+  // check: as of an OutputFile.
   PlyWriter(const std::string& path, const std::vector<std::string>& comments, uint64_t count,
-            const std::vector<std::string>& properties);
+            const std::vector<std::string>& properties, const Check& check = {});
 
   // The next row; the caller fills the returned array, [properties].
   float* next_row();

@@ -26,10 +26,11 @@ struct ImportOptions {
 Scene read_scene_ply(const std::string& path, const ImportOptions& options = {});
 
 // Writers go to a temporary name and rename on success. Each converts what its format demands.
-void write_l4d_ply(const std::string& path, const Scene& scene);
+// What `check` throws ends them, and leaves what was there before.
+void write_l4d_ply(const std::string& path, const Scene& scene, const Check& check = {});
 // Returns what the file does not have of the scene.
-WriteNotes write_ftgs_ply(const std::string& path, const Scene& scene);
+WriteNotes write_ftgs_ply(const std::string& path, const Scene& scene, const Check& check = {});
 // Scales and rotations come from the eigen-decomposition of each covariance, in double.
-void write_3dgs_ply(const std::string& path, const Splats& splats);
+void write_3dgs_ply(const std::string& path, const Splats& splats, const Check& check = {});
 
 }  // namespace l4d::io

@@ -55,7 +55,8 @@ bool float_is_coarse(const Scene& scene, const std::vector<double>& positions /*
 }
 
 // exact: positions that float32 does not hold, [N, 3]; empty: those of the scene.
-void write_l4d_rows(const std::string& path, const Scene& scene, const std::vector<double>& exact) {
+void write_l4d_rows(const std::string& path, const Scene& scene, const std::vector<double>& exact,
+                    const Check& check) {
   std::vector<std::string> comments = clock_statements(scene.timeline);
   comments.insert(comments.begin(), "l4d_ply 1");
   append_placement(scene, comments);
@@ -73,7 +74,7 @@ void write_l4d_rows(const std::string& path, const Scene& scene, const std::vect
   const bool windows = !scene.window.empty();
   if (windows) names.insert(names.end(), {"window_begin", "window_end"});
 
-  PlyWriter writer(path, comments, scene.count(), names);
+  PlyWriter writer(path, comments, scene.count(), names, check);
   for (size_t i = 0; i < scene.count(); ++i) {
     float* out = writer.next_row();
     if (double_positions) {
@@ -142,18 +143,18 @@ FtgsShapes ftgs_shapes(const Scene& scene, double unit) {
 
 }  // namespace
 
-void write_l4d_ply(const std::string& path, const Scene& scene) {
+void write_l4d_ply(const std::string& path, const Scene& scene, const Check& check) {
   constexpr uint32_t kFileFlags = L4D_POSITION_AT_MEAN_TIME | L4D_OPACITY_LOGIT;
-  if ((scene.flags & kFileFlags) == kFileFlags) return write_l4d_rows(path, scene, {});
+  if ((scene.flags & kFileFlags) == kFileFlags) return write_l4d_rows(path, scene, {}, check);
   std::vector<double> exact = positions_at_mean_time(scene);
   if (!float_is_coarse(scene, exact)) exact = {};
   Scene converted = scene;
   positions_to_mean_time(converted);
   opacity_to_logit(converted);
-  write_l4d_rows(path, converted, exact);
+  write_l4d_rows(path, converted, exact, check);
 }
 
-WriteNotes write_ftgs_ply(const std::string& path, const Scene& source) {
+WriteNotes write_ftgs_ply(const std::string& path, const Scene& source, const Check& check) {
   if (!source.window.empty()) {
     throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
                 path + ": ftgs_ply has no flat windows; .ply and .4dgs have");
@@ -186,7 +187,7 @@ WriteNotes write_ftgs_ply(const std::string& path, const Scene& source) {
   names.push_back("log_duration");
   append_indexed(names, "velocity_", 3);
 
-  PlyWriter writer(path, comments, count, names);
+  PlyWriter writer(path, comments, count, names, check);
   for (size_t i = 0; i < count; ++i) {
     float* out = writer.next_row();
     out = std::copy_n(&scene.position[3 * i], 3, out);
@@ -211,7 +212,7 @@ WriteNotes write_ftgs_ply(const std::string& path, const Scene& source) {
   return notes;
 }
 
-void write_3dgs_ply(const std::string& path, const Splats& splats) {
+void write_3dgs_ply(const std::string& path, const Splats& splats, const Check& check) {
   const size_t coefficients = (splats.sh_degree + 1) * (splats.sh_degree + 1);
   std::vector<std::string> names = {"x", "y", "z", "nx", "ny", "nz"};
   append_indexed(names, "f_dc_", 3);
@@ -220,7 +221,7 @@ void write_3dgs_ply(const std::string& path, const Splats& splats) {
   append_indexed(names, "scale_", 3);
   append_indexed(names, "rot_", 4);
 
-  PlyWriter writer(path, {}, splats.count(), names);
+  PlyWriter writer(path, {}, splats.count(), names, check);
   for (size_t i = 0; i < splats.count(); ++i) {
     const float* covariance = &splats.covariance[6 * i];
     if (!std::all_of(covariance, covariance + 6, [](float x) { return std::isfinite(x); })) {
