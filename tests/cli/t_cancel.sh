@@ -7,6 +7,7 @@ make_scene d/s.ply 60k
 # Commands in the background of a script ignore SIGINT, so a small program sends it.
 interrupt() {
   "$PYTHON" - "$L4DCODEC" "$@" << 'END'
+import json
 import signal
 import subprocess
 import sys
@@ -16,7 +17,8 @@ process = subprocess.Popen(sys.argv[1:] + ["--progress", "json"], stdout=subproc
                            stderr=subprocess.PIPE, text=True)
 # The first line of progress that counts something: the command is in the middle of its work.
 for line in process.stderr:
-    if '"encode"' in line or '"sensitivity"' in line:
+    now = json.loads(line) if line.startswith("{") else {"verb": "a note"}
+    if now["verb"] in ("encode", "sensitivity") or now["verb"] == "render" and now["done"] > 0:
         break
 process.send_signal(signal.SIGINT)
 out, err = process.communicate(timeout=300)
@@ -38,6 +40,16 @@ cameras = [{"id": k, "K": [[4e3, 0, 4096], [0, 4e3, 4096], [0, 0, 1]], "w2c": po
 json.dump({"width": 8192, "height": 8192, "frames": 1, "cameras": cameras}, open("large.json", "w"))'
 expect_equal "$(interrupt sensitivity d/s.ply --cameras large.json --all-views -o d/w.ply)" 130
 expect_equal "$(cd d && echo *)" s.ply
+
+# Of a sequence of images those that are done stay, and each is whole.
+expect_equal "$(interrupt render d/s.ply --size 640x480 -o d/f_%04d.png)" 130
+"$PYTHON" -c 'import os
+files = sorted(os.listdir("d"))
+assert files[0] == "f_0000.png" and files[-1] == "s.ply" and len(files) < 61, files
+for name in files[:-1]:
+    data = open("d/" + name, "rb").read()
+    assert data[:4] == b"\x89PNG" and data[-8:-4] == b"IEND", name'
+rm d/f_*.png
 
 # stderr is no terminal here: nothing by default, lines when asked for.
 make_scene small.ply 2000
