@@ -6,15 +6,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <cctype>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <optional>
 
 #include "cli/text/progress.h"
-#include "io/file/foreign_file.h"
+#include "io/file/output_name.h"
 #include "io/formats/scene_file.h"
 
 namespace l4d::cli {
@@ -148,22 +145,8 @@ uint64_t Output::finish() {
 
 void check_extension(const std::string& name, const char* option,
                      const std::vector<std::string>& written, bool strict) {
-  fs::path path(name);
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  const auto is_in = [&](const std::vector<std::string>& list) {
-    return std::find(list.begin(), list.end(), extension) != list.end();
-  };
-  // Names of packed PLY have two extensions.
-  const bool packed = extension == ".ply" && path.stem().extension() == ".compressed";
-  const bool known = is_in({".l4d", ".ply"}) || io::foreign_extension(extension);
-  if (!packed && (extension.empty() || is_in(written) || !(strict || known))) return;
-  if (packed) extension = ".compressed.ply";
-  std::string kinds;
-  for (const std::string& kind : written) kinds += (kinds.empty() ? "" : " or ") + kind;
-  throw usage_error(std::string(option) + ": '" + name + "' ends in " + extension +
-                    ", but what is written is " + kinds);
+  const std::string odds = io::name_at_odds(name, written, strict);
+  if (!odds.empty()) throw usage_error(std::string(option) + ": " + odds);
 }
 
 std::string derived_name(const std::string& input, const std::string& extension) {

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/file/output_name.h"
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+
+#include "io/file/foreign_file.h"
+
+namespace l4d::io {
+
+std::string name_at_odds(const std::string& name, const std::vector<std::string>& written,
+                         bool strict) {
+  const std::filesystem::path path(name);
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const auto is_in = [&](const std::vector<std::string>& list) {
+    return std::find(list.begin(), list.end(), extension) != list.end();
+  };
+  // Names of packed PLY have two extensions.
+  const bool packed = extension == ".ply" && path.stem().extension() == ".compressed";
+  const bool known = is_in({".l4d", ".ply"}) || foreign_extension(extension);
+  if (!packed && (extension.empty() || is_in(written) || !(strict || known))) return "";
+  if (packed) extension = ".compressed.ply";
+  std::string kinds;
+  for (const std::string& kind : written) kinds += (kinds.empty() ? "" : " or ") + kind;
+  return "'" + name + "' ends in " + extension + ", but what is written is " + kinds;
+}
+
+}  // namespace l4d::io
