@@ -76,6 +76,10 @@ class Flag : public l4d::eval::Observer {
   const int32_t* flag_;
 };
 
+l4d::io::Check check_of(const int32_t* cancel) {
+  return [cancel] { Flag(cancel).check(); };
+}
+
 template <typename T>
 void copy(const T* from, size_t n, std::vector<T>* to) {
   if (from != nullptr) to->assign(from, from + n);
@@ -249,18 +253,19 @@ void l4dpy_get(const l4dpy_scene* scene, l4dpy_parts* out) {
 }
 
 l4d_status l4dpy_write_scene(const l4dpy_scene* scene, const char* format, const char* path,
-                             char* notes, size_t size) {
+                             const int32_t* cancel, char* notes, size_t size) {
   return guarded([&] {
     const std::string name = format;
+    const l4d::io::Check check = check_of(cancel);
     l4d::io::WriteNotes found;
     if (name == "l4d") {
-      l4d::io::write_l4d_ply(path, scene->decoded.scene);
+      l4d::io::write_l4d_ply(path, scene->decoded.scene, check);
     } else if (name == "ftgs") {
-      found = l4d::io::write_ftgs_ply(path, scene->decoded.scene);
+      found = l4d::io::write_ftgs_ply(path, scene->decoded.scene, check);
     } else if (name == "4dgs") {
-      found = l4d::io::write_4dgs(path, scene->decoded.scene);
+      found = l4d::io::write_4dgs(path, scene->decoded.scene, check);
     } else if (name == "raw") {
-      l4d::io::write_raw(path, scene->decoded.scene);
+      l4d::io::write_raw(path, scene->decoded.scene, check);
     } else {
       throw l4d::io::Error(
           L4D_ERR_INVALID_ARGUMENT,
@@ -272,7 +277,7 @@ l4d_status l4dpy_write_scene(const l4dpy_scene* scene, const char* format, const
 
 l4d_status l4dpy_write_splats(const l4d_splat_buffers* splats, uint32_t sh_degree,
                               const l4dpy_parts* setting, const char* extension, const char* path,
-                              char* notes, size_t size) {
+                              const int32_t* cancel, char* notes, size_t size) {
   return guarded([&] {
     const std::vector<std::string> known = l4d::io::instant_extensions();
     if (std::find(known.begin(), known.end(), extension) == known.end()) {
@@ -288,9 +293,13 @@ l4d_status l4dpy_write_splats(const l4d_splat_buffers* splats, uint32_t sh_degre
     copy<float>(splats->covariance, 6 * n, &s.covariance);
     copy<float>(splats->opacity, n, &s.opacity);
     copy<float>(splats->sh, 3 * n * (sh_degree + 1) * (sh_degree + 1), &s.sh);
-    const l4d::io::WriteNotes found = l4d::io::write_instant_file(
-        path, extension, std::move(s),
-        {setting->placement, setting->rendering, setting->presentation.metres_per_unit, {}, {}});
+    const l4d::io::WriteNotes found =
+        l4d::io::write_instant_file(path, extension, std::move(s),
+                                    {setting->placement,
+                                     setting->rendering,
+                                     setting->presentation.metres_per_unit,
+                                     {},
+                                     check_of(cancel)});
     put_notes(l4d::io::loss_of_instants(extension) + '\n', found, notes, size);
   });
 }

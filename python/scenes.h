@@ -54,19 +54,20 @@ void l4dpy_get(const l4dpy_scene* scene, l4dpy_parts* out);
 
 /* Writes a PLY with all attributes ("l4d"), one of FreeTimeGS ("ftgs"), a .4dgs ("4dgs"), or raw
  * arrays ("raw"). What the file does not have of the scene goes to `notes`, a sentence a line, cut
- * to `size` bytes. Fails with INVALID_ARGUMENT, IO, INVALID_SCENE, LIMIT_EXCEEDED, and
+ * to `size` bytes. If another thread sets *cancel to 1, it fails with CANCELLED and leaves what was
+ * there before. Fails with INVALID_ARGUMENT, IO, INVALID_SCENE, LIMIT_EXCEEDED, and
  * FEATURE_UNSUPPORTED where the format has no flat windows. */
 l4d_status l4dpy_write_scene(const l4dpy_scene* scene, const char* format, const char* path,
-                             char* notes, size_t size);
+                             const int32_t* cancel, char* notes, size_t size);
 /* Writes the 3D Gaussians of an instant in the format of `extension`: ".ply" for 3DGS, ".spz",
- * ".sog",
- * ".glb" or ".usda". splats: `count` of them, with position, covariance, opacity and sh. setting:
- * its placement, rendering and presentation are used. What the file does not have of them goes to
- * `notes`, a sentence a line, cut to `size` bytes. Fails with INVALID_ARGUMENT, IO, INVALID_SCENE,
- * LIMIT_EXCEEDED, and FEATURE_UNSUPPORTED where the library has no WebP, which SOG needs. */
+ * ".sog", ".glb" or ".usda". splats: `count` of them, with position, covariance, opacity and sh.
+ * setting: its placement, rendering and presentation are used. What the file does not have of them
+ * goes to `notes`, a sentence a line, cut to `size` bytes. cancel: as above. Fails with
+ * INVALID_ARGUMENT, IO, INVALID_SCENE, LIMIT_EXCEEDED, and FEATURE_UNSUPPORTED where the library
+ * has no WebP, which SOG needs. */
 l4d_status l4dpy_write_splats(const l4d_splat_buffers* splats, uint32_t sh_degree,
                               const l4dpy_parts* setting, const char* extension, const char* path,
-                              char* notes, size_t size);
+                              const int32_t* cancel, char* notes, size_t size);
 
 /* One error of a comparison. NaN = not measured. */
 typedef struct l4dpy_error {

@@ -2,11 +2,12 @@
 """Scenes of 4D Gaussians, splats of an instant, and the files of other programs."""
 
 import dataclasses
+import functools
 import io
 import os
 import warnings
 from fractions import Fraction
-from typing import Any, List, Mapping, Optional, Sequence, Union
+from typing import Any, Callable, List, Mapping, Optional, Sequence, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -117,9 +118,8 @@ class Scene:
         if format is not None:
             if time is not None:
                 raise Error(Status.INVALID_ARGUMENT, f"{path}: `time` is for files of one instant")
-            notes = ffi.new("char[]", 4096)
-            check(lib.l4dpy_write_scene(_native_of(self), c_string(format, "a format"), path_bytes(path), notes, len(notes)))
-            return text(notes).splitlines()
+            return _written(functools.partial(lib.l4dpy_write_scene, _native_of(self), c_string(format, "a format"),
+                                              path_bytes(path)))
         if time is None and not self.is_static:
             raise Error(Status.INVALID_ARGUMENT, f"{path}: the scene changes over time and the file shows one instant: "
                         "`time` says which")
@@ -183,9 +183,16 @@ class Splats:
         arrays = [array_of(name, getattr(self, name), shape, np.float32) for name, shape in shapes.items()]
         c = struct("splat_buffers", capacity=n, count=n)
         c.position, c.covariance, c.opacity, c.sh = [pointer(a) for a in arrays]
-        extension, notes = os.path.splitext(os.fspath(path))[1].lower(), ffi.new("char[]", 4096)
-        check(lib.l4dpy_write_splats(c, degree, _stated(self), c_string(extension, "a path"), path_bytes(path), notes, len(notes)))
-        return text(notes).splitlines()
+        extension = os.path.splitext(os.fspath(path))[1].lower()
+        return _written(functools.partial(lib.l4dpy_write_splats, c, degree, _stated(self), c_string(extension, "a path"),
+                                          path_bytes(path)))
+
+
+def _written(write: Callable[[Any, Any, int], int]) -> List[str]:
+    """Calls a writer of the library, and returns its notes. Ctrl-C ends it."""
+    cancel, notes = ffi.new("int32_t*"), ffi.new("char[]", 4096)
+    interruptible(lambda: check(write(cancel, notes, len(notes))), cancel)
+    return text(notes).splitlines()
 
 
 def read(source: Source, *, seconds: float = 0, fps: float = 0, activated: bool = False) -> Scene:

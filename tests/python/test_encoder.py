@@ -100,6 +100,21 @@ def test_ctrl_c_cancels(folder: pathlib.Path, tmp_path: pathlib.Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_ctrl_c_ends_a_write(tmp_path: pathlib.Path) -> None:
+    n = 150_000
+    scene = scene_of(n, 0, sh=np.zeros((n, 16, 3)))
+    for name in ("a.ply", "a.ftgs.ply", "a.4dgs", "a.safetensors"):
+        path = tmp_path / name
+        path.write_bytes(b"before")
+        timer = threading.Timer(0.02, lambda: signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT))
+        with pytest.raises(KeyboardInterrupt):
+            timer.start()
+            scene.write(path)
+            pytest.fail("Ctrl-C was heard too late")
+        assert path.read_bytes() == b"before"
+    assert len(list(tmp_path.iterdir())) == 4
+
+
 def test_errors_say_what_is_wrong(tmp_path: pathlib.Path) -> None:
     good = scene_of()
     changes: List[Tuple[Any, str]] = [({"position": good.position[:, :2]}, r"`position` has the shape \[50, 2\].*\[50, 3\]"),
