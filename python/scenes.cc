@@ -145,6 +145,14 @@ void write_comparison(const l4d::eval::Comparison& c, l4dpy_comparison* out) {
       c.visible.p999, out);
 }
 
+l4d::io::ImportOptions import_options(double seconds, double fps, int32_t activated) {
+  l4d::io::ImportOptions options;
+  options.seconds = seconds;
+  options.fps = fps;
+  options.activated = activated != 0;
+  return options;
+}
+
 // Whether a file is one stream that shows all of its sequence at its own times. One whose members
 // cannot be listed, or of which no media member is whole, counts as that: a decoder may still read
 // it in part, and shows the first standing member.
@@ -192,11 +200,12 @@ l4d_status l4dpy_is_scene_file(const char* path, int32_t* out) {
 l4d_status l4dpy_read_file(const char* path, double seconds, double fps, int32_t activated,
                            l4dpy_scene** out) {
   return guarded([&] {
-    l4d::io::ImportOptions options;
-    options.seconds = seconds;
-    options.fps = fps;
-    options.activated = activated != 0;
-    *out = new_scene(l4d::io::read_scene_file(path, path, options));
+    const l4d::io::ImportOptions options = import_options(seconds, fps, activated);
+    l4d::io::Scene scene = l4d::io::read_scene_file(path, path, options);
+    for (std::string& note : l4d::io::unused_options(options, scene.timeline, scene.source)) {
+      scene.notes.push_back(std::move(note));
+    }
+    *out = new_scene(std::move(scene));
   });
 }
 
@@ -226,12 +235,17 @@ l4d_status l4dpy_read_frames(const char* paths, double fps, int32_t match, const
   });
 }
 
-l4d_status l4dpy_read_stream(const l4d_reader* reader, l4dpy_scene** out) {
+l4d_status l4dpy_read_stream(const l4d_reader* reader, double seconds, double fps,
+                             int32_t activated, l4dpy_scene** out) {
   return guarded([&] {
     l4d::DecoderHandle decoder;
     decoder.open(*reader);
     auto scene = std::make_unique<l4dpy_scene>();
     scene->decoded = l4d::eval::decode_scene(decoder);
+    for (const std::string& note : l4d::io::unused_options(import_options(seconds, fps, activated),
+                                                           scene->decoded.scene.timeline, "l4d")) {
+      scene->notes += note + '\n';
+    }
     *out = scene.release();
   });
 }

@@ -42,8 +42,10 @@ void l4dpy_subtract_origin(const double* positions, uint64_t count, l4d_placemen
  * another thread sets *cancel to 1, the call fails with CANCELLED. */
 l4d_status l4dpy_read_frames(const char* paths, double fps, int32_t match, const double* errors,
                              uint32_t threads, const int32_t* cancel, l4dpy_scene** out);
-/* Decodes all of the first stream of a file. */
-l4d_status l4dpy_read_stream(const l4d_reader* reader, l4dpy_scene** out);
+/* Decodes all of the first stream of a file. seconds, fps, activated: as for l4dpy_read_file; a
+ * stream has no use for them, and notes say so. */
+l4d_status l4dpy_read_stream(const l4d_reader* reader, double seconds, double fps,
+                             int32_t activated, l4dpy_scene** out);
 /* Copies a scene. `source` and `notes` may be NULL. */
 l4d_status l4dpy_copy(const l4dpy_parts* parts, l4dpy_scene** out);
 /* Sets the first view of the presentation as `l4dcodec encode` does where a scene states none. */

@@ -199,8 +199,8 @@ def read(source: Source, *, seconds: float = 0, fps: float = 0, activated: bool 
     """Reads all of a scene: a file of any format that the tool reads (docs/formats.md), or a stream.
 
     seconds, fps: the timeline of a file that states none; 1 second and 30 frames a second unless given. activated:
-    a PLY has opacities of 0 to 1 and lengths in the columns for logits and logarithms. What the import approximates
-    is a warning, and in Scene.notes.
+    a PLY has opacities of 0 to 1 and lengths in the columns for logits and logarithms. What the import approximates,
+    and what of these a file has no use for, is a warning, and in Scene.notes.
     """
     return _with_warnings(_scene_of(native_of(source, seconds, fps, activated)), repr(source))
 
@@ -277,7 +277,7 @@ def native_of(source: Union[Scene, Source], seconds: float = 0, fps: float = 0, 
         check(lib.l4dpy_read_file(path, seconds, fps, int(activated), out))
     else:
         handle = call.handle()
-        call.check(lib.l4dpy_read_stream(c_reader(call, handle), out))
+        call.check(lib.l4dpy_read_stream(c_reader(call, handle), seconds, fps, int(activated), out))
     return ffi.gc(out[0], lib.l4dpy_destroy)
 
 
