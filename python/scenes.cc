@@ -20,6 +20,7 @@
 #include "eval/shown_members.h"
 #include "io/camera/cameras.h"
 #include "io/camera/first_view.h"
+#include "io/file/output_name.h"
 #include "io/formats/instant_file.h"
 #include "io/formats/raw_arrays.h"
 #include "io/formats/scene_file.h"
@@ -188,6 +189,18 @@ void put_notes(std::string first, const l4d::io::WriteNotes& found, char* notes,
 }
 
 }  // namespace
+
+l4d_status l4dpy_check_name(const char* name, const char* written) {
+  return guarded([&] {
+    std::vector<std::string> kinds;
+    std::istringstream words(written);
+    for (std::string kind; words >> kind;) kinds.push_back(kind);
+    const std::string refusal = l4d::io::name_at_odds(name, kinds);
+    if (!refusal.empty()) {
+      throw l4d::io::Error(L4D_ERR_INVALID_ARGUMENT, "`output`: " + refusal);
+    }
+  });
+}
 
 l4d_status l4dpy_is_scene_file(const char* path, int32_t* out) {
   return guarded([&] {

@@ -24,6 +24,9 @@ typedef struct l4dpy_parts {
   const char* notes;  /* approximations that the import made, one a line */
 } l4dpy_parts;
 
+/* Whether the name of an output promises what is written: `written`, extensions with a space
+ * between them. Fails with INVALID_ARGUMENT where its own is that of another format. */
+l4d_status l4dpy_check_name(const char* name, const char* written);
 /* Sets *out to 1 if l4dpy_read_file has a reader for the file, by its first bytes or its extension.
  * Fails with IO. */
 l4d_status l4dpy_is_scene_file(const char* path, int32_t* out);

@@ -102,6 +102,8 @@ def encode(scene: Union[Scene, Path], output: Union[Path, BinaryIO], *, preset: 
     progress(done, total, stage) is called between steps. An exception that it raises cancels the encode and is
     raised again, and so is a KeyboardInterrupt; then no file is left.
     """
+    if isinstance(output, (str, os.PathLike)):
+        check(lib.l4dpy_check_name(path_bytes(output), b".l4d"))
     scene = scene if isinstance(scene, Scene) else read(scene)
     out = ffi.new("l4d_encoder**")
     check(lib.l4d_encoder_create(struct("encoder_options", threads=threads, seed=seed), out))
