@@ -10,7 +10,8 @@ from typing import Any, Mapping, Sequence, Tuple
 import numpy as np
 import numpy.typing as npt
 
-from .core import Path, check, ffi, lib, path_bytes, struct, text
+from . import arguments as given
+from .core import ArgumentError, Path, array_of, as_array, check, ffi, floats, lib, path_bytes, struct, text
 
 
 @dataclasses.dataclass(eq=False)
@@ -31,10 +32,19 @@ class Camera:
     def call_on(position: Sequence[float], target: Sequence[float], up: Sequence[float] = (0, 1, 0), *,
                 fov: float = math.pi / 3, width: int = 960, height: int = 540) -> "Camera":
         """A camera at `position` that looks at `target`. fov: vertical field of view in radians."""
-        eye = np.asarray(position, np.float64)
-        forward = np.asarray(target, np.float64) - eye
+        eye = np.array(floats("position", position, 3))
+        forward = np.array(floats("target", target, 3)) - eye
+        above = np.array(floats("up", up, 3))
+        for name, size in (("width", width), ("height", height)):
+            given.whole(name, size, least=1)
+        if not 0 < given.number("fov", fov) < math.pi:
+            raise given.wrong_value("fov", fov, "an angle in radians, above 0 and below pi")
+        if not forward.any():
+            raise ArgumentError("`position` and `target` are one point: the camera looks nowhere")
         forward /= np.linalg.norm(forward)
-        right = np.cross(forward, np.asarray(up, np.float64))
+        right = np.cross(forward, above)
+        if not np.linalg.norm(right) > 1e-9 * np.linalg.norm(above):
+            raise ArgumentError(f"`up` is {given.shown(up)}; it must be no direction in which the camera looks")
         right /= np.linalg.norm(right)
         rotation = np.stack([right, np.cross(forward, right), forward])
         viewmat = np.concatenate([rotation, (-rotation @ eye)[:, None]], axis=1)
@@ -45,13 +55,21 @@ class Camera:
     @staticmethod
     def suggested(presentation: Mapping[str, Any], width: int = 960, height: int = 540) -> "Camera":
         """The first camera that a scene suggests. Raises ValueError if it suggests none."""
+        given.mapping("presentation", presentation, "the presentation of a scene or of a stream")
         if not presentation.get("has_camera"):
             raise ValueError("the scene suggests no camera: give one, as Camera.call_on(position, target)")
         return Camera.call_on(presentation["camera_position"], presentation["camera_target"],
                               presentation["camera_up"], fov=presentation["camera_fov"], width=width, height=height)
 
     def to_c(self) -> Any:
-        K, pose = np.asarray(self.K, np.float64), np.asarray(self.viewmat, np.float64)
+        matrices = []
+        for name, matrix in (("K", self.K), ("viewmat", self.viewmat)):
+            values = as_array(name, matrix)
+            matrices.append(array_of(name, values, values.shape, np.float64))
+        K, pose = matrices
+        given.number("near_plane", self.near_plane, above=0)
+        for name, size in (("width", self.width), ("height", self.height)):
+            given.whole(name, size, least=1)
         if K.shape != (3, 3) or pose.shape not in ((3, 4), (4, 4)):
             raise ValueError(f"K is {list(K.shape)} and viewmat {list(pose.shape)}; "
                              "they must be [3, 3] and [4, 4] or [3, 4]")

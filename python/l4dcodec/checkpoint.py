@@ -10,7 +10,8 @@ from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 import numpy as np
 import numpy.typing as npt
 
-from .core import Error, Path, Status
+from . import arguments as given
+from .core import ArgumentError, Error, Path, Status
 from .scene import Scene, read, read_frames
 from .torch_file import Lazy, TorchFile
 
@@ -29,25 +30,30 @@ def read_checkpoint(source: Union[Checkpoint, Sequence[Checkpoint]], *, seconds:
     or a list of them, the frames of a sequence, as one scene that moves. PyTorch is not needed, and nothing of a file
     is run.
 
-    seconds, fps: the timeline, as in read(); of a sequence, fps is its frame rate, 30 unless given. antialiased:
+    seconds, fps: the timeline, as in read(); a sequence has one of them, and 30 frames a second unless given. antialiased:
     the model was trained with that rasterize mode. frames: match, threads and errors, as in read_frames(). The scene
     has the coordinates of the training, which are not those of the capture where nerfstudio turned and scaled it.
     """
-    if isinstance(source, (str, os.PathLike, Mapping)):
-        if frames:
-            raise TypeError(f"{', '.join(frames)}: of sequences only, and `source` is one checkpoint")
-        scenes: List[Checkpoint] = [source]
-    else:
-        scenes = list(source)
+    given.number("seconds", seconds, least=0)
+    given.number("fps", fps, least=0)
+    given.flag("antialiased", antialiased)
+    is_one = isinstance(source, (str, os.PathLike, Mapping))
+    scenes: List[Checkpoint] = [source] if is_one else list(given.paths("source", source))  # type: ignore[list-item]
+    if is_one and frames:
+        raise TypeError(f"{', '.join(frames)}: of sequences only, and `source` is one checkpoint")
+    if not is_one and seconds and fps:
+        raise ArgumentError("the frames of a sequence have `fps` or `seconds`, not both")
     with tempfile.TemporaryDirectory(prefix="l4dcodec") as folder:
         paths, programs = [], set()
         for k, item in enumerate(scenes):
+            given.of_type("source" if is_one else f"source[{k}]", item, (str, os.PathLike, Mapping),
+                          "a path, or what torch.load returns")
             paths.append(os.path.join(folder, f"{k:06d}.ply"))
             programs.add(_write_ply(item, paths[-1]))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            if frames or not isinstance(source, (str, os.PathLike, Mapping)):
-                scene = read_frames(paths, fps=fps or 30, **frames)
+            if not is_one:
+                scene = read_frames(paths, fps=fps or (len(paths) / seconds if seconds else 30), **frames)
             else:
                 scene = read(paths[0], seconds=seconds, fps=fps)
         scene.notes = [note.replace(folder + os.sep, "frame ") for note in scene.notes]

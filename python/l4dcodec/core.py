@@ -9,11 +9,13 @@ import enum
 import mmap
 import numbers
 import os
+import warnings
 from typing import Any, Callable, Dict, List, Mapping, Optional, Protocol, Tuple, Union, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
+from . import arguments as given
 from ._native import ffi as ffi
 from ._native import lib as lib
 
@@ -76,6 +78,13 @@ class Error(Exception):
         return f"{self.status.name}: {self.args[0]}"
 
 
+class ArgumentError(Error, ValueError):
+    """An argument has a value that it must not have."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(Status.INVALID_ARGUMENT, message)
+
+
 def text(chars: Any) -> str:
     """A string of C."""
     return str(ffi.string(chars).decode("utf-8", "replace"))
@@ -86,25 +95,51 @@ def struct(name: str, **fields: Any) -> Any:
     out = ffi.new(f"l4d_{name}*")
     out.struct_size = ffi.sizeof(out[0])
     for key, value in fields.items():
-        setattr(out, key, value)
+        put(out, key, value)
     return out
+
+
+def put(target: Any, name: str, value: Any, of: str = "") -> None:
+    """Sets a field of a struct of C. A value that it does not hold is told by the field's name, behind `of`."""
+    try:
+        setattr(target, name, value)
+    except (TypeError, OverflowError, ValueError) as error:
+        kind = _type_of(target, name)
+        wanted = "numbers" if kind.kind == "array" else "a number"
+        if kind.kind == "primitive" and "int" in kind.cname:
+            bits, signed = 8 * ffi.sizeof(kind), not kind.cname.startswith("uint")
+            wanted = f"a whole number from {-2**(bits - 1) if signed else 0} to {2**(bits - signed) - 1}"
+        tell = given.wrong_type if isinstance(error, TypeError) else given.wrong_value
+        raise tell(of + name, value, wanted) from None
+
+
+def _type_of(target: Any, name: str) -> Any:
+    kind = ffi.typeof(target)
+    return dict((kind.item if kind.kind == "pointer" else kind).fields)[name].type
 
 
 def check(status: int) -> None:
     """Raises Error unless `status` is 0."""
     if status != 0:
-        raise Error(status, text(lib.l4d_last_error_message()))
+        raise _last_error(status)
 
 
-def path_bytes(path: Path) -> bytes:
-    return c_string(os.fsencode(path), "a path")
+def _last_error(status: int) -> Error:
+    message = text(lib.l4d_last_error_message())
+    return ArgumentError(message) if status == Status.INVALID_ARGUMENT else Error(status, message)
 
 
-def c_string(value: Union[str, bytes], what: str) -> bytes:
+def path_bytes(path: Path, name: str = "path") -> bytes:
+    given.of_type(name, path, (str, bytes, os.PathLike), "a path")
+    return c_string(os.fsencode(path), name)
+
+
+def c_string(value: Union[str, bytes], name: str) -> bytes:
     """A string for C, which ends at the first NUL: raises Error if it has one before its end."""
+    given.of_type(name, value, (str, bytes), "a string")
     out = value.encode() if isinstance(value, str) else value
     if b"\0" in out:
-        raise Error(Status.INVALID_ARGUMENT, f"{what} holds a NUL: {out!r}")
+        raise ArgumentError(f"`{name}` holds a NUL: {out!r}")
     return out
 
 
@@ -112,23 +147,34 @@ def array_of(what: str, values: Any, shape: Tuple[int, ...], dtype: Any) -> npt.
     """A contiguous array of this shape and type with these values. Raises Error if they have another shape, are no
     numbers, or are such as an integer type does not hold."""
     if isinstance(values, np.ma.MaskedArray) and np.any(values.mask):
-        raise Error(Status.INVALID_ARGUMENT, f"`{what}` has masked values")
-    given, wanted = np.asarray(values), np.dtype(dtype)
-    if given.shape != shape:
-        raise Error(Status.INVALID_ARGUMENT, f"`{what}` has the shape {list(given.shape)}, not {list(shape)}")
-    if given.dtype.kind not in ("iu" if wanted.kind in "iu" else "iufb") and given.size > 0:
-        raise Error(Status.INVALID_ARGUMENT, f"`{what}` is of {given.dtype}, not of {wanted}")
-    if wanted.kind in "iu" and given.size > 0:
+        raise ArgumentError(f"`{what}` has masked values")
+    has, wanted = as_array(what, values), np.dtype(dtype)
+    if has.shape != shape:
+        raise ArgumentError(f"`{what}` has the shape {list(has.shape)}, not {list(shape)}")
+    if has.dtype.kind not in ("iu" if wanted.kind in "iu" else "iufb") and has.size > 0:
+        raise ArgumentError(f"`{what}` is of {has.dtype}, not of {wanted}")
+    if wanted.kind in "iu" and has.size > 0:
         limits = np.iinfo(wanted)
-        if int(given.min()) < limits.min or int(given.max()) > limits.max:
-            raise Error(Status.INVALID_ARGUMENT, f"`{what}` is from {given.min()} to {given.max()}, "
-                        f"which {wanted} does not hold")
+        if int(has.min()) < limits.min or int(has.max()) > limits.max:
+            raise ArgumentError(f"`{what}` is from {has.min()} to {has.max()}, which {wanted} does not hold")
     with np.errstate(over="ignore"):  # what becomes infinite is refused by its number
-        return np.ascontiguousarray(given, wanted)
+        return np.ascontiguousarray(has, wanted)
+
+
+def as_array(what: str, values: Any) -> npt.NDArray[Any]:
+    """An array of any shape."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # lists of several lengths, of which older NumPy makes objects
+            return np.asarray(values)
+    except Exception as error:
+        raise given.wrong_type(what, values, f"an array of numbers ({error})") from None
 
 
 def floats(what: str, values: Any, count: int) -> List[float]:
     """`count` numbers."""
+    if isinstance(values, (str, bytes)) or not hasattr(values, "__len__"):
+        raise given.wrong_type(what, values, f"{count} numbers")
     return [float(x) for x in array_of(what, values, (count,), np.float64)]
 
 
@@ -161,6 +207,10 @@ def pointer(array: Optional[npt.NDArray[Any]], ctype: str = "float*") -> Any:
     return ffi.NULL if array is None else ffi.cast(ctype, array.ctypes.data)
 
 
+UNSEEN = ("struct_size", "reserved", "reserved2")
+"""Fields of structs that say nothing."""
+
+
 class Record(Dict[str, Any]):
     """The fields of a struct of the C library, as a dict and as attributes."""
 
@@ -182,18 +232,20 @@ def record(value: Any) -> Any:
         return tuple(record(item) for item in value)
     if kind.kind != "struct":
         return None if value == ffi.NULL else text(value)
-    names = [name for name, _ in kind.fields if name not in ("struct_size", "reserved", "reserved2")]
+    names = [name for name, _ in kind.fields if name not in UNSEEN]
     return Record((name, record(getattr(value, name))) for name in names)
 
 
-def set_fields(target: Any, fields: Mapping[str, Any]) -> None:
-    """Writes a Record back to its struct. Fields that it lacks stay as they are."""
+def set_fields(target: Any, fields: Mapping[str, Any], what: str) -> None:
+    """Writes a Record, an argument `what`, back to its struct. Fields that it lacks stay as they are."""
     types = dict(ffi.typeof(target[0] if ffi.typeof(target).kind == "pointer" else target).fields)
-    for name, value in fields.items():
-        kind = types[name].type if name in types else None
-        if kind is not None and kind.kind == "array" and len(value) != kind.length:
-            raise Error(Status.INVALID_ARGUMENT, f"`{name}` has {len(value)} numbers, not {kind.length}")
-        setattr(target, name, value)
+    names = [name for name in types if name not in UNSEEN]
+    for name, value in given.mapping(what, fields, "a mapping with some of " + ", ".join(names)).items():
+        if name not in types:
+            raise ArgumentError(f"`{what}` has no field `{name}`; it has {', '.join(names)}")
+        if types[name].type.kind == "array":
+            value = floats(f"{what}.{name}", value, types[name].type.length)
+        put(target, name, value, f"{what}.")
 
 
 # ---- callbacks ------------------------------------------------------------------------------------------
@@ -204,7 +256,7 @@ class Call:
 
     def __init__(self, progress: Optional[Progress] = None, write: Optional[Callable[[bytes], object]] = None,
                  reader: Optional[Reader] = None) -> None:
-        self.progress, self.write, self.reader = progress, write, reader
+        self.progress, self.write, self.reader = given.progress(progress), write, reader
         self.violations: List["Violation"] = []
         self.error: Optional[BaseException] = None
 
@@ -220,7 +272,7 @@ class Call:
             raise error
         if status == 0:
             return
-        raise Error(status, text(lib.l4d_last_error_message())) from error
+        raise _last_error(status) from error
 
 
 def write_all(write: Callable[[bytes], object], data: bytes) -> None:
@@ -316,11 +368,16 @@ class _Bytes:
         return len(self._data)
 
 
-def reader_of(source: Source) -> Reader:
+def reader_of(source: Source, name: str = "source") -> Reader:
     """A Reader of any source."""
     if isinstance(source, (str, os.PathLike)):
         return _File(source)
-    return source if isinstance(source, Reader) else _Bytes(source)
+    if isinstance(source, Reader):
+        return source
+    try:
+        return _Bytes(source)
+    except TypeError:
+        raise given.wrong_type(name, source, "a path, the bytes of a file, or an object with read_at and size") from None
 
 
 def c_reader(call: Call, handle: Any) -> Any:

@@ -4,6 +4,7 @@
 import concurrent.futures
 import contextlib
 import dataclasses
+import math
 import os
 import threading
 from collections import deque
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Dict, Iterator, List, Optional, Sequence,
 
 import numpy as np
 
+from . import arguments as given
 from .camera import Camera
 from .core import (Call, Error, Floats, Progress, Reader, Record, Source, Status, c_reader, check, ffi, floats,
                    lib, path_bytes, pointer, reader_of, record, struct, text)
@@ -54,8 +56,11 @@ class Info:
 
 def _point(detail: str, max_level: Optional[int], max_tier: Optional[int]) -> Dict[str, int]:
     """The fields of l4d_operating_point."""
-    return {"levels": 0 if max_level is None else max_level + 1, "tiers": 0 if max_tier is None else max_tier + 1,
-            "detail": DETAIL[detail]}
+    def limit(name: str, most: Optional[int]) -> int:
+        return 0 if most is None else given.whole(name, most, most=63) + 1
+
+    return {"levels": limit("max_level", max_level), "tiers": limit("max_tier", max_tier),
+            "detail": DETAIL[given.choice("detail", detail, tuple(DETAIL))]}
 
 
 class Decoder:
@@ -64,7 +69,7 @@ class Decoder:
     def __init__(self, source: Source, *, threads: int = 0, tolerant: bool = False, max_memory_bytes: int = 0,
                  cache_bytes: int = 0, backend: int = 0) -> None:
         """Opens a stream; the arguments are those of open()."""
-        options = struct("decoder_options", threads=threads, tolerant=int(tolerant), backend=backend,
+        options = struct("decoder_options", threads=threads, tolerant=int(given.flag("tolerant", tolerant)), backend=backend,
                          max_memory_bytes=max_memory_bytes, cache_bytes=cache_bytes, accept_needs=1)
         self._handle: Any = None
         self._movie: Any = None
@@ -251,12 +256,13 @@ class Decoder:
     def _query(self, time: Optional[float], range: Optional[Tuple[float, float]], detail: str,
                max_level: Optional[int], max_tier: Optional[int], whole_buckets: bool) -> Any:
         if time is not None and range is not None:
-            raise ValueError("time and range exclude each other")
-        query = struct("query", point=_point(detail, max_level, max_tier), whole_buckets=int(whole_buckets))
+            raise ValueError("`time` and `range` exclude each other")
+        query = struct("query", point=_point(detail, max_level, max_tier),
+                       whole_buckets=int(given.flag("whole_buckets", whole_buckets)))
         if time is not None:
-            query.kind, query.time_begin = lib.L4D_QUERY_TIME, time
+            query.kind, query.time_begin = lib.L4D_QUERY_TIME, given.number("time", time)
         elif range is not None:
-            query.kind, query.time_begin, query.time_end = lib.L4D_QUERY_RANGE, range[0], range[1]
+            query.kind, (query.time_begin, query.time_end) = lib.L4D_QUERY_RANGE, floats("range", range, 2)
         return query
 
     def select(self, time: Optional[float] = None, *, range: Optional[Tuple[float, float]] = None,
@@ -291,7 +297,7 @@ class Decoder:
             if self.info.all.tools & lib.L4D_TOOL_FLAT_WINDOWS:
                 window = np.empty((n, 2), np.uint32)
                 buffers.window = pointer(window, "uint32_t*")
-            self._call.progress = progress
+            self._call.progress = given.progress(progress)
             lib.l4d_decoder_set_progress(handle, lib.l4dpy_progress, self._user)
             status = lib.l4d_decoder_decode(handle, query, buffers)
             lib.l4d_decoder_set_progress(handle, ffi.NULL, ffi.NULL)
@@ -311,6 +317,7 @@ class Decoder:
         `mean_t_local` is the mean time less the centre of the Gaussian's bucket; `window`, in streams with flat
         windows alone, is of int32. Needs PyTorch, and a build of this package with CUDA."""
         from .device import decode_cuda
+        given.whole("device", device, most=2**31 - 1)
         query = self._query(time, range, detail, max_level, max_tier, whole_buckets)
         with self._open() as handle:
             windows = (self.info.all.tools & lib.L4D_TOOL_FLAT_WINDOWS) != 0
@@ -327,6 +334,9 @@ class Decoder:
         `colors` are those seen from there. detail, max_level, max_tier: as in decode(). Buckets stay decoded, so
         that the next instants cost less.
         """
+        given.number("time", time)
+        for name, wanted in (("sh", sh), ("axes", axes), ("covariance", covariance), ("ids", ids)):
+            given.flag(name, wanted)
         shapes: Dict[str, Tuple[int, ...]] = {"position": (3,), "opacity": ()}
         if sh:
             shapes["sh"] = ((self.info.sh_degree + 1) ** 2, 3)
@@ -370,12 +380,15 @@ class Decoder:
         """Yields the splats of one frame after another, from `begin` to before `end`, in seconds; all of the
         sequence at its own frame rate unless given. A thread slices up to `prefetch` frames ahead. arguments: those
         of slice()."""
-        rate = float(self.timeline.fps if fps is None else fps)
-        if not 0 < rate < np.inf:
-            raise Error(Status.INVALID_ARGUMENT, f"a frame rate of {rate}; it must be above 0")
-        first = self.timeline.time_begin if begin is None else begin
-        last = self.timeline.time_end if end is None else end
-        times = (first + k / rate for k in range(max(0, int(np.ceil((last - first) * rate - 1e-6)))))
+        rate = float(self.timeline.fps) if fps is None else given.number("fps", fps, above=0)
+        first = self.timeline.time_begin if begin is None else given.number("begin", begin)
+        last = self.timeline.time_end if end is None else given.number("end", end)
+        given.whole("prefetch", prefetch)
+        count = max(0, math.ceil((last - first) * rate - 1e-6))
+        # A function of its own, so that what is wrong above is told here and not where frames are taken.
+        return self._frames((first + k / rate for k in range(count)), prefetch, arguments)
+
+    def _frames(self, times: Iterator[float], prefetch: int, arguments: Dict[str, Any]) -> Iterator[Splats]:
         if prefetch <= 0:
             yield from (self.slice(time, **arguments) for time in times)
             return
@@ -402,8 +415,12 @@ class Decoder:
 
         camera: the one that the stream suggests unless given, with 960x540 pixels.
         """
+        given.number("time", time)
+        given.flag("alpha", alpha)
         if camera is None:
             camera = Camera.suggested(self.info.presentation)
+        given.of_type("camera", camera, Camera, "None or a Camera")
+        shown_by, background = camera.to_c(), floats("background", background, 3)
         point = (detail, max_level, max_tier)
         with self._shown(time) as shown:
             if self._renderer is None or self._movie is not None or self._drawn != point:
@@ -417,9 +434,9 @@ class Decoder:
             rgb = np.empty((camera.height, camera.width, 3), np.float32)
             opacity = np.empty((camera.height, camera.width), np.float32) if alpha else None
             image = struct("image", rgb=pointer(rgb), alpha=pointer(opacity))
-            self._check_render(lib.l4d_renderer_set_background(self._renderer, floats("background", background, 3)))
+            self._check_render(lib.l4d_renderer_set_background(self._renderer, background))
             self._check_render(lib.l4d_renderer_set_time(self._renderer, shown[0][1] + shown[0][2]))
-            self._check_render(lib.l4d_renderer_render(self._renderer, camera.to_c(), image))
+            self._check_render(lib.l4d_renderer_render(self._renderer, shown_by, image))
         return rgb if opacity is None else np.concatenate([rgb, opacity[..., None]], axis=2)
 
     def show(self, **arguments: Any) -> "Shown":

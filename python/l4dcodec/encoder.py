@@ -4,12 +4,13 @@
 import dataclasses
 import numbers
 import os
-from typing import Any, BinaryIO, Dict, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, BinaryIO, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
 import numpy.typing as npt
 
-from .core import (Call, Error, Path, Progress, Record, Status, array_of, c_string, check, ffi, lib, path_bytes, pointer,
+from . import arguments as given
+from .core import (Call, Path, Progress, Record, Status, array_of, c_string, check, ffi, floats, lib, path_bytes, pointer,
                    record, struct, text)
 from .scene import Scene, parts_of, read
 
@@ -81,10 +82,14 @@ def parameters() -> Dict[str, Record]:
 
 def _set(encoder: Any, name: str, value: Union[float, Sequence[float]]) -> int:
     """Sets a parameter by its name, as `l4dcodec encode --set` does. Returns the status."""
-    key = c_string(name.replace("_", "-"), "a parameter")
+    key = c_string(name.replace("_", "-"), "parameters")
+    what = name if name == "quality" else f"parameters[{name!r}]"
     if isinstance(value, numbers.Real):
         return int(lib.l4d_encoder_set(encoder, key, float(value)))
-    return int(lib.l4d_encoder_set_list(encoder, key, list(value), len(value)))  # type: ignore[arg-type]
+    if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
+        raise given.wrong_type(what, value, "a number, or a list of numbers")
+    many: List[float] = list(value)  # type: ignore[arg-type]
+    return int(lib.l4d_encoder_set_list(encoder, key, floats(what, many, len(many)), len(many)))
 
 
 def encode(scene: Union[Scene, Path], output: Union[Path, BinaryIO], *, preset: str = "default",
@@ -102,25 +107,35 @@ def encode(scene: Union[Scene, Path], output: Union[Path, BinaryIO], *, preset: 
     progress(done, total, stage) is called between steps. An exception that it raises cancels the encode and is
     raised again, and so is a KeyboardInterrupt; then no file is left.
     """
-    if isinstance(output, (str, os.PathLike)):
-        check(lib.l4dpy_check_name(path_bytes(output), b".l4d"))
+    path = output if isinstance(output, (str, os.PathLike)) else None
+    if path is not None:
+        check(lib.l4dpy_check_name(path_bytes(path, "output"), b".l4d"))
+    elif not callable(getattr(output, "write", None)):
+        raise given.wrong_type("output", output, "a path, or an object with write")
+    for name, asked in (("parameters", parameters), ("metadata", metadata)):
+        if asked is not None:
+            given.mapping(name, asked, "a mapping of strings")
+    if importance is not None:
+        given.of_type("importance", importance, Importance, "an Importance")
+    given.flag("first_view", first_view)
+    options = struct("encoder_options", threads=threads, seed=seed)
     scene = scene if isinstance(scene, Scene) else read(scene)
     out = ffi.new("l4d_encoder**")
-    check(lib.l4d_encoder_create(struct("encoder_options", threads=threads, seed=seed), out))
+    check(lib.l4d_encoder_create(options, out))
     encoder = ffi.gc(out[0], lib.l4d_encoder_destroy)
-    call = Call(progress, None if isinstance(output, (str, os.PathLike)) else output.write)
+    call = Call(progress, None if path is not None else output.write)  # type: ignore[union-attr]
     handle = call.handle()
 
     def run(status: int) -> None:
         call.check(status)
 
-    run(lib.l4d_encoder_set_preset(encoder, c_string(preset, "a preset")))
+    run(lib.l4d_encoder_set_preset(encoder, c_string(given.choice("preset", preset, tuple(presets())), "preset")))
     if quality is not None:
-        run(_set(encoder, "quality", quality))
+        run(_set(encoder, "quality", given.number("quality", quality)))
     for name, value in (parameters or {}).items():
         run(_set(encoder, name, value))
     for key, text_ in (metadata or {}).items():
-        run(lib.l4d_encoder_add_metadata(encoder, c_string(key, "metadata"), c_string(text_, "metadata")))
+        run(lib.l4d_encoder_add_metadata(encoder, c_string(key, "metadata"), c_string(text_, f"metadata[{key!r}]")))
     parts, kept = parts_of(scene)
     if first_view and not parts.presentation.has_camera:
         check(lib.l4dpy_state_first_view(parts))
@@ -131,30 +146,29 @@ def encode(scene: Union[Scene, Path], output: Union[Path, BinaryIO], *, preset: 
     if importance is not None:
         run(lib.l4d_encoder_set_importance(encoder, _importance(importance, parts.gaussians.count, kept)))
     run(lib.l4d_encoder_set_progress(encoder, lib.l4dpy_progress, handle))
-    if call.write is None:
-        run(lib.l4d_encoder_encode_file(encoder, path_bytes(output)))  # type: ignore[arg-type]
+    if path is not None:
+        run(lib.l4d_encoder_encode_file(encoder, path_bytes(path)))
     else:
         run(lib.l4d_encoder_encode(encoder, struct("writer", user=handle, write=lib.l4dpy_write)))
     return _report(encoder, run)
 
 
 def _index(name: str, names: Sequence[str], what: str) -> int:
-    if name not in names:
-        raise Error(Status.INVALID_ARGUMENT, f"`{name}` is no {what}: {', '.join(names)}")
-    return names.index(name)
+    return names.index(given.choice(f"importance.{what}", name, names))
 
 
 def _importance(importance: Importance, count: int, kept: Dict[str, Any]) -> Any:
     """As the library takes it. kept: gets the arrays, which it borrows."""
     out = struct("importance", count=count, metric=_index(importance.metric, METRICS, "metric"),
-                 views=_index(importance.views, VIEWS, "choice of views"))
+                 views=_index(importance.views, VIEWS, "views"))
 
     def floats_of(name: str, values: npt.ArrayLike) -> Any:
         kept[name] = array_of(name, values, (count,), np.float32)
         return pointer(kept[name])
 
-    for name, values in importance.weights.items():
-        out.weights[_index(name, WEIGHTS, "weight")] = floats_of(name, values)
+    for name, values in given.mapping("importance.weights", importance.weights, "a mapping of arrays").items():
+        place = _index(name, WEIGHTS, "weights")
+        out.weights[place] = floats_of(name, values)
     if importance.min_sizes is not None:
         out.min_sizes = floats_of("min_sizes", importance.min_sizes)
     return out

@@ -8,9 +8,10 @@ from typing import Any, Dict, List, Mapping, Optional, Union
 import numpy as np
 import numpy.typing as npt
 
+from . import arguments as given
 from .core import (Call, Progress, Source, Violation, array_of, c_reader, check, ffi, interruptible, lib, pointer, reader_of,
                    struct, text)
-from .scene import Scene, native_of
+from .scene import Scene, count_of, native_of
 
 
 def validate(source: Source, *, threads: int = 0, max_memory_bytes: int = 0,
@@ -60,8 +61,9 @@ def compare(a: Union[Scene, Source], b: Union[Scene, Source], *, order: Optional
     order: EncodeReport.order, if `b` is what became of `a`. Without it, Gaussians are paired by their bits, or as
     `b`, a stream, states how far it is from its original.
     """
-    first, second = native_of(a), native_of(b)
-    indices = None if order is None else array_of("order", order, (np.size(order),), np.uint32)
+    indices = None if order is None else array_of("order", order, (count_of("order", order),), np.uint32)
+    given.whole("threads", threads)
+    first, second = native_of(a, name="a"), native_of(b, name="b")
     out, cancel = ffi.new("l4dpy_comparison*"), ffi.new("int32_t*")
 
     def run() -> None:

@@ -11,8 +11,9 @@ from typing import List, Optional, Sequence, Union
 import numpy as np
 import numpy.typing as npt
 
+from . import arguments as given
 from .camera import Camera
-from .core import Floats, Path
+from .core import Floats, Path, as_array, floats
 from .decoder import Decoder
 
 PLAYER = pathlib.Path(__file__).with_name("player.js")
@@ -63,6 +64,12 @@ def show(stream: Decoder, *, width: int = 640, height: int = 360, camera: Option
     a second. So it is, of the middle, where the player was not built (./dev web) or the stream is longer than 64 MiB.
     width, height: pixels; a camera has its own.
     """
+    given.of_type("stream", stream, Decoder, "a Decoder, as open() returns it")
+    for name, size in (("width", width), ("height", height)):
+        given.whole(name, size, least=1)
+    given.number("fps", fps, above=0)
+    if camera is not None:
+        given.of_type("camera", camera, Camera, "None or a Camera")
     if time is None and camera is None and PLAYER.exists() and stream.info.file_bytes <= MAX_BYTES:
         page = PAGE.format(title=html.escape(stream._name), player=PLAYER.read_text(encoding="utf-8"),
                            data=base64.b64encode(stream._read()).decode())
@@ -71,7 +78,12 @@ def show(stream: Decoder, *, width: int = 640, height: int = 360, camera: Option
         time = (stream.timeline.time_begin + stream.timeline.time_end) / 2
     if camera is None:
         camera = Camera.suggested(stream.info.presentation, width, height)
-    times = [float(time)] if isinstance(time, (int, float)) else [float(t) for t in time]
+    if np.ndim(as_array("time", time)) == 0:
+        times = [given.number("time", time)]
+    else:
+        times = floats("time", time, len(time))  # type: ignore[arg-type]
+    if not times:
+        raise given.wrong_value("time", time, "None, seconds, or a list of them that is not empty")
     return Shown(png([stream.render(t, camera) for t in times], fps), "png", camera.width, camera.height)
 
 

@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scenes of 4D Gaussians, splats of an instant, and the files of other programs."""
 
+import collections
 import dataclasses
 import functools
 import io
 import os
 import warnings
 from fractions import Fraction
-from typing import Any, Callable, List, Mapping, Optional, Sequence, Union
+from typing import Any, Callable, Iterable, List, Mapping, Optional, Sequence, Union
 
 import numpy as np
 import numpy.typing as npt
 
-from .core import (Call, Error, Floats, Path, Record, Source, Status, array_of, borrow, c_reader, c_string, check,
+from . import arguments as given
+from .core import (ArgumentError, Call, Floats, Path, Record, Source, array_of, as_array, borrow, c_reader, c_string, check,
                    ffi, interruptible, lib, path_bytes, pointer, reader_of, record, set_fields, struct, text)
 
 
@@ -24,22 +26,27 @@ class Timeline:
     fps: Union[int, float, Fraction] = 30
     time_begin: float = 0.0
 
+    def _rate(self) -> Fraction:
+        given.number("timeline.fps", float(self.fps) if isinstance(self.fps, Fraction) else self.fps, above=0)
+        return Fraction(self.fps)
+
     @property
     def duration(self) -> float:
         """Seconds."""
-        return float(self.num_frames / Fraction(self.fps))
+        return float(given.whole("timeline.num_frames", self.num_frames) / self._rate())
 
     @property
     def time_end(self) -> float:
-        return self.time_begin + self.duration
+        return given.number("timeline.time_begin", self.time_begin) + self.duration
 
     @staticmethod
     def of_c(timeline: Any) -> "Timeline":
         return Timeline(timeline.num_frames, Fraction(timeline.fps_num, timeline.fps_den), timeline.time_begin)
 
     def to_c(self, timeline: Any) -> None:
-        fps = Fraction(self.fps).limit_denominator(1 << 20)
-        timeline.time_begin, timeline.num_frames = self.time_begin, self.num_frames
+        fps = self._rate().limit_denominator(1 << 20)
+        timeline.time_begin = given.number("timeline.time_begin", self.time_begin)
+        timeline.num_frames = given.whole("timeline.num_frames", self.num_frames)
         timeline.fps_num, timeline.fps_den = fps.numerator, fps.denominator
 
 
@@ -91,37 +98,46 @@ class Scene:
     @property
     def is_static(self) -> bool:
         """Whether the Gaussians stay as they are for the whole sequence."""
-        log_scale, rotor = np.asarray(self.log_scale), np.asarray(self.rotor)
+        n = common_count(self, ATTRIBUTES)
+        log_scale, rotor = (array_of(name, getattr(self, name), shape_of(name, n, 0), np.float32)
+                            for name in ("log_scale", "rotor"))
+        given.of_type("timeline", self.timeline, Timeline, "a Timeline")
         lasting = np.exp(log_scale[:, 3].astype(np.float64)) >= 8 * self.timeline.duration
         return self.window is None and bool(lasting.all()) and not rotor[:, 4:].any()
 
     def write(self, path: Path, format: Optional[str] = None, *, time: Optional[float] = None) -> List[str]:
         """Writes the scene in the format that the name says, as `l4dcodec convert` does: .l4d; .ply, with all
-        attributes; .ftgs.ply, as FreeTimeGS has it; .4dgs; .safetensors, raw arrays; and what shows the instant `time`, in seconds: .spz, .sog,
-        .glb, .usda, and .ply (3DGS). A static scene needs no `time`. format: "l4d", "ftgs", "4dgs" or
-        "raw", for a file of any name.
+        attributes; .ftgs.ply, as FreeTimeGS has it; .4dgs; .safetensors, raw arrays; and what shows the instant `time`,
+        in seconds: .spz, .sog, .glb, .usda, and .ply (3DGS). A static scene needs no `time`. format: "l4d", "ftgs",
+        "4dgs" or "raw", for a file of any name. Ctrl-C ends it and leaves what was there before.
 
         Returns what the file does not have of the scene, a sentence each.
         """
-        name = os.fspath(path).lower()
+        path_bytes(path)  # refuses what is none
+        name = os.fsdecode(path).lower()
+        if format is not None:
+            given.choice("format", format, FORMATS)
+        if time is not None:
+            given.number("time", time)
         if format is None and name.endswith(".compressed.ply"):
-            raise Error(Status.INVALID_ARGUMENT, f"{path}: compressed PLYs are read and not written")
+            raise ArgumentError(f"{path}: compressed PLYs are read and not written")
+        if format is None and not name.endswith((".l4d", *WHOLE, *INSTANTS)):
+            raise ArgumentError(f"`path` is {os.fspath(path)!r}; it must end in .l4d, "
+                                f"{', '.join([*WHOLE, *INSTANTS])}, or `format` says what it is")
         if format is None and time is None and name.endswith(".l4d"):
             from .encoder import encode  # which imports this module
             encode(self, path)
             return []
         if format is None:
-            endings = {".ftgs.ply": "ftgs", ".4dgs": "4dgs", ".safetensors": "raw"}
-            format = next((endings[end] for end in endings if name.endswith(end)), None)
+            format = next((WHOLE[end] for end in WHOLE if name.endswith(end)), None)
         if format is None and name.endswith(".ply") and time is None and not self.is_static:
             format = "l4d"
         if format is not None:
             if time is not None:
-                raise Error(Status.INVALID_ARGUMENT, f"{path}: `time` is for files of one instant")
-            return _written(functools.partial(lib.l4dpy_write_scene, _native_of(self), c_string(format, "a format"),
-                                              path_bytes(path)))
+                raise ArgumentError(f"{path}: `time` is for files of one instant")
+            return _written(functools.partial(lib.l4dpy_write_scene, _native_of(self), format.encode(), path_bytes(path)))
         if time is None and not self.is_static:
-            raise Error(Status.INVALID_ARGUMENT, f"{path}: the scene changes over time and the file shows one instant: "
+            raise ArgumentError(f"{path}: the scene changes over time and the file shows one instant: "
                         "`time` says which")
         from .decoder import open as open_stream
         from .encoder import encode
@@ -176,16 +192,23 @@ class Splats:
     def write(self, path: Path) -> List[str]:
         """Writes the splats in the format that the name says: .ply (3DGS), .spz, .sog, .glb or .usda, as `l4dcodec
         slice` does. It needs covariance and sh. Returns what the file does not have of them, a sentence each."""
+        path_bytes(path)  # refuses what is none
         if self.covariance is None or self.sh is None:
             raise ValueError("the slice was made without covariances or without sh")
-        n, degree = len(self), degree_of(self.sh)
+        n, degree = common_count(self, ("means", "covariance", "opacities", "sh")), degree_of(self.sh)
         shapes = {"means": (n, 3), "covariance": (n, 6), "opacities": (n,), "sh": shape_of("sh", n, degree)}
         arrays = [array_of(name, getattr(self, name), shape, np.float32) for name, shape in shapes.items()]
         c = struct("splat_buffers", capacity=n, count=n)
         c.position, c.covariance, c.opacity, c.sh = [pointer(a) for a in arrays]
-        extension = os.path.splitext(os.fspath(path))[1].lower()
-        return _written(functools.partial(lib.l4dpy_write_splats, c, degree, _stated(self), c_string(extension, "a path"),
+        extension = os.path.splitext(os.fsdecode(path))[1].lower()
+        return _written(functools.partial(lib.l4dpy_write_splats, c, degree, _stated(self), c_string(extension, "path"),
                                           path_bytes(path)))
+
+
+FORMATS = ("l4d", "ftgs", "4dgs", "raw")
+WHOLE = {".ftgs.ply": "ftgs", ".4dgs": "4dgs", ".safetensors": "raw"}
+"""Endings of files with all of a scene, and what is written."""
+INSTANTS = (".ply", ".spz", ".sog", ".glb", ".usda")
 
 
 def _written(write: Callable[[Any, Any, int], int]) -> List[str]:
@@ -202,6 +225,9 @@ def read(source: Source, *, seconds: float = 0, fps: float = 0, activated: bool 
     a PLY has opacities of 0 to 1 and lengths in the columns for logits and logarithms. What the import approximates,
     and what of these a file has no use for, is a warning, and in Scene.notes.
     """
+    given.number("seconds", seconds, least=0)
+    given.number("fps", fps, least=0)
+    given.flag("activated", activated)
     return _with_warnings(_scene_of(native_of(source, seconds, fps, activated)), repr(source))
 
 
@@ -222,13 +248,17 @@ def read_frames(paths: Sequence[Path], *, fps: float = 30, match: str = "auto", 
     """
     names = ("position", "scale", "rotation", "color", "opacity")
     matches = ("auto", "order", "content", "none")
-    if match not in matches or not set(errors) <= set(names):
-        raise Error(Status.INVALID_ARGUMENT, f"`match` is one of {', '.join(matches)}, and errors are {', '.join(names)}")
-    names_of_files = [path_bytes(path) for path in paths]
+    given.choice("match", match, matches)
+    given.number("fps", fps, above=0)
+    given.whole("threads", threads)
+    for name in errors:
+        if name not in names:
+            raise TypeError(f"`{name}` is no argument of read_frames(): errors are {', '.join(names)}")
+    names_of_files = [path_bytes(path, f"paths[{k}]") for k, path in enumerate(given.paths("paths", paths))]
     if any(b"\n" in name for name in names_of_files):
-        raise Error(Status.INVALID_ARGUMENT, "a path of a frame holds the end of a line")
+        raise ArgumentError("a path of a frame holds the end of a line")
     lines = b"\n".join(names_of_files)
-    limits = ffi.new("double[]", [errors.get(name, -1) for name in names])
+    limits = ffi.new("double[]", [given.number(name, errors[name], least=0) if name in errors else -1 for name in names])
     out, cancel = ffi.new("l4dpy_scene**"), ffi.new("int32_t*")
     interruptible(lambda: check(lib.l4dpy_read_frames(lines, fps, matches.index(match), limits, threads, cancel, out)),
                   cancel)
@@ -243,8 +273,22 @@ ATTRIBUTES = {"position": (3,), "mean_t": (), "log_scale": (4,), "rotor": (8,), 
 """The shape of each, after [N]; 0 is (D + 1)^2."""
 
 
+def count_of(name: str, values: Any) -> int:
+    """How many numbers an array of one dimension has."""
+    shape = as_array(name, values).shape
+    if len(shape) != 1:
+        raise ArgumentError(f"`{name}` has the shape {list(shape)}, not [N]")
+    return shape[0]
+
+
+def common_count(of: Union[Scene, Splats], names: Iterable[str]) -> int:
+    """How many rows most of the arrays have, so that the one that has others is told."""
+    shapes = [as_array(name, getattr(of, name)).shape for name in names]
+    return collections.Counter([shape[0] for shape in shapes if shape] or [0]).most_common(1)[0][0]
+
+
 def _degree(sh: Any) -> int:
-    shape = np.shape(sh)
+    shape = as_array("sh", sh).shape
     return {1: 0, 4: 1, 9: 2, 16: 3}.get(shape[1], -1) if len(shape) == 3 and shape[2] == 3 else -1
 
 
@@ -252,8 +296,7 @@ def degree_of(sh: Any) -> int:
     """The degree of spherical harmonics [N, C, 3]. Raises Error if C is that of none."""
     degree = _degree(sh)
     if degree < 0:
-        raise Error(Status.INVALID_ARGUMENT, f"`sh` has the shape {list(np.shape(sh))}, "
-                    "not [N, C, 3] with 1, 4, 9 or 16 coefficients C")
+        raise ArgumentError(f"`sh` has the shape {list(np.shape(sh))}, not [N, C, 3] with 1, 4, 9 or 16 coefficients C")
     return degree
 
 
@@ -261,18 +304,19 @@ def shape_of(name: str, count: int, sh_degree: int) -> Any:
     return (count, *[n or (sh_degree + 1) ** 2 for n in ATTRIBUTES[name]])
 
 
-def native_of(source: Union[Scene, Source], seconds: float = 0, fps: float = 0, activated: bool = False) -> Any:
+def native_of(source: Union[Scene, Source], seconds: float = 0, fps: float = 0, activated: bool = False,
+              name: str = "source") -> Any:
     """An l4dpy_scene, which is destroyed with what this returns."""
     if isinstance(source, Scene):
         return _native_of(source)
     out = ffi.new("l4dpy_scene**")
-    call = Call(reader=reader_of(source))
+    call = Call(reader=reader_of(source, name))
     assert call.reader is not None
     path, is_file = path_bytes(source) if isinstance(source, (str, os.PathLike)) else b"", ffi.new("int32_t*")
     if path:
         check(lib.l4dpy_is_scene_file(path, is_file))
     elif bytes(call.reader.read_at(0, 3)) == b"ply":
-        raise Error(Status.INVALID_ARGUMENT, "a PLY is read by its path only")
+        raise ArgumentError("a PLY is read by its path only")
     if is_file[0]:
         check(lib.l4dpy_read_file(path, seconds, fps, int(activated), out))
     else:
@@ -304,19 +348,20 @@ def flags_of(flags: int) -> Any:
 
 def parts_of(scene: Scene) -> Any:
     """The l4dpy_parts of a scene, and what it borrows, as a pair. Raises Error if an array has another shape."""
-    n, degree, kept = len(scene.opacity), degree_of(scene.sh), {}
+    n, degree, kept = common_count(scene, ATTRIBUTES), degree_of(scene.sh), {}
+    given.of_type("timeline", scene.timeline, Timeline, "a Timeline")
     for name in ATTRIBUTES:
-        given = getattr(scene, name)
-        dtype = np.asarray(given).dtype
+        values = getattr(scene, name)
+        dtype = as_array(name, values).dtype
         # float32 does not hold what is of more than 4 bytes, nor integers of 4.
         wide = dtype.itemsize > 4 or (dtype.kind in "iu" and dtype.itemsize == 4)
         double = name in ("mean_t", "position") and wide
-        kept[name] = array_of(name, given, shape_of(name, n, degree), np.float64 if double else np.float32)
+        kept[name] = array_of(name, values, shape_of(name, n, degree), np.float64 if double else np.float32)
     parts = _stated(scene)
     g = parts.gaussians
     g.count, g.sh_degree = n, degree
-    g.flags = ((lib.L4D_POSITION_AT_MEAN_TIME if scene.position_at_mean_time else 0)
-               | (lib.L4D_OPACITY_LOGIT if scene.opacity_logit else 0))
+    g.flags = ((lib.L4D_POSITION_AT_MEAN_TIME if given.flag("position_at_mean_time", scene.position_at_mean_time) else 0)
+               | (lib.L4D_OPACITY_LOGIT if given.flag("opacity_logit", scene.opacity_logit) else 0))
     if kept["position"].dtype == np.float64:
         # As the tool does with map coordinates: less an origin, which goes to the placement.
         exact, kept["position"] = kept["position"], np.empty((n, 3), np.float32)
@@ -338,9 +383,10 @@ def _stated(of: Union[Scene, Splats]) -> Any:
     for name in ("gaussians", "rendering", "presentation"):
         getattr(parts, name).struct_size = ffi.sizeof(getattr(parts, name))
     parts.placement.scale = 1
-    set_fields(parts.placement, of.placement)
-    set_fields(parts.rendering, {**SPLATTING, **of.rendering})
-    set_fields(parts.presentation, of.presentation)
+    set_fields(parts.placement, of.placement, "placement")
+    set_fields(parts.rendering, SPLATTING, "rendering")
+    set_fields(parts.rendering, of.rendering, "rendering")
+    set_fields(parts.presentation, of.presentation, "presentation")
     return parts
 
 

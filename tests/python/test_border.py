@@ -103,10 +103,10 @@ def test_times_and_positions_keep_what_their_type_holds() -> None:
 def test_numbers_and_strings_that_cannot_be(folder: pathlib.Path, tmp_path: pathlib.Path) -> None:
     stream = l4d.open(folder / "scene.l4d")
     for fps in (0, -1, float("nan"), float("inf")):
-        refused("frame rate", lambda f=fps: list(stream.frames(f)))
+        refused("`fps` is", lambda f=fps: list(stream.frames(f)))
     refused("NUL", lambda: l4d.open("a\0b"))
     refused("NUL", lambda: l4d.encode(scene_of(), str(tmp_path / "a.l4d\0b")))
-    refused("NUL", lambda: l4d.encode(scene_of(), tmp_path / "a.l4d", preset="small\0"))
+    refused("preset", lambda: l4d.encode(scene_of(), tmp_path / "a.l4d", preset="small\0"))
     refused("NUL", lambda: l4d.encode(scene_of(), tmp_path / "a.l4d", metadata={"a": "b\0c"}))
 
     class Endless:

@@ -118,7 +118,7 @@ def test_base_colours_and_layers(folder: pathlib.Path) -> None:
     image = stream.render(1, camera)
     assert not np.array_equal(stream.render(1, camera, detail="base"), image)
     assert np.array_equal(stream.render(1, camera), image)
-    with pytest.raises(KeyError):
+    with pytest.raises(ValueError, match="`detail` is 'all'; it must be one of full, base"):
         stream.slice(1, detail="all")
 
 
@@ -250,7 +250,7 @@ def test_errors_say_what_is_wrong(folder: pathlib.Path) -> None:
     for call in opens:
         with pytest.raises(FileNotFoundError):
             call(folder / "none.l4d")
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match="`source` is None"):
         l4d.open(None)  # type: ignore[arg-type]
     stream = l4d.open(data)
     with pytest.raises(ValueError, match="exclude"):

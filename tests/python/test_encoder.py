@@ -132,9 +132,9 @@ def test_errors_say_what_is_wrong(tmp_path: pathlib.Path) -> None:
                              ({"parameters": {"rcq": [1, 2]}}, "`rcq` is no list"),
                              ({"quality": 500}, "quality"),
                              ({"importance": l4d.Importance({"sh": [1.0, 2.0]})}, r"`sh` has the shape \[2\], not \[50\]"),
-                             ({"importance": l4d.Importance({"alpha": np.ones(50)})}, "`alpha` is no weight"),
-                             ({"importance": l4d.Importance(metric="psnr")}, "`psnr` is no metric: sum, gauss-newton"),
-                             ({"importance": l4d.Importance(views="few")}, "`few` is no choice of views"),
+                             ({"importance": l4d.Importance({"alpha": np.ones(50)})}, r"`importance\.weights` is 'alpha'"),
+                             ({"importance": l4d.Importance(metric="psnr")}, r"`importance\.metric` is 'psnr'; it must be one of sum, gauss-newton"),
+                             ({"importance": l4d.Importance(views="few")}, r"`importance\.views` is 'few'"),
                              ({"importance": l4d.Importance(min_sizes=1.0)}, r"`min_sizes`.*\[\], not \[50\]")]
     for arguments, words in given:
         with pytest.raises(l4d.Error, match=words) as caught:
@@ -142,7 +142,7 @@ def test_errors_say_what_is_wrong(tmp_path: pathlib.Path) -> None:
         assert caught.value.status == l4d.Status.INVALID_ARGUMENT
     with pytest.raises(l4d.Error, match="nowhere"):
         l4d.encode(good, tmp_path / "nowhere" / "a.l4d")
-    with pytest.raises(l4d.Error, match="'obj'; it must be 'l4d', 'ftgs', '4dgs' or 'raw'"):
+    with pytest.raises(l4d.Error, match="`format` is 'obj'; it must be one of l4d, ftgs, 4dgs, raw"):
         good.write(tmp_path / "a.ply", "obj")
     with pytest.raises(l4d.Error, match="by its path"):
         l4d.read(b"ply\nformat ascii 1.0\n")

@@ -112,7 +112,7 @@ def test_names_say_what_is_written(folder: pathlib.Path, tmp_path: pathlib.Path)
         tool("convert", folder / "scene.ply", tmp_path / ("tool_" + name))
         assert (scene.write(tmp_path / name) == []) == (name != "x.4dgs")
         assert (tmp_path / name).read_bytes() == (tmp_path / ("tool_" + name)).read_bytes(), name
-    for name, time, message in (("x.glb", None, "`time` says which"), ("x.obj", 1, "ends in one of .ply, .glb"),
+    for name, time, message in (("x.glb", None, "`time` says which"), ("x.obj", 1, "must end in .l4d, .ftgs.ply"),
                                 ("x.ftgs.ply", 1, "files of one instant"),
                                 ("x.compressed.ply", 1, "not written")):
         with pytest.raises(l4d.Error, match=message):
