@@ -87,8 +87,10 @@ class SogReader {
         hold(options_.holder, json_bytes(begin, text.size(), 0), path_ + ": meta.json");
     const std::string wrong = parse_json(begin, begin + text.size(), &meta_);
     if (!wrong.empty() || !meta_.is_object()) {
-      if (!files_.is_archive()) fail("no SOG file: it is neither a ZIP archive nor a meta.json");
-      fail(wrong.empty() ? "meta.json is no object of JSON" : "meta.json: " + wrong);
+      const std::string what = wrong.empty() ? "it is no object of JSON" : wrong;
+      fail((files_.is_archive() ? "meta.json: "
+                                : "no SOG file: it is neither a ZIP archive nor a meta.json: ") +
+           what);
     }
     has_codebooks_ = meta_.contains("version");
     if (has_codebooks_ && meta_["version"] != 2) {
