@@ -30,7 +30,7 @@ has_packages() {
   [[ -d web/node_modules/playwright-core && -e web/node_modules/typescript/bin/tsc && -x web/node_modules/.bin/esbuild ]]
 }
 if [[ $kind == browser || $kind == spark ]]; then
-  command -v chromium >/dev/null || skip "no chromium"
+  command -v chromium-headless-shell chromium >/dev/null || skip "no chromium"
   has_packages || skip "no packages of npm in web/node_modules"
   [[ $kind != spark || -d web/node_modules/@sparkjsdev/spark ]] || skip "no Spark in web/node_modules"
 fi
