@@ -36,10 +36,11 @@ if [[ $kind == browser || $kind == spark ]]; then
 fi
 
 mkdir -p "$work"
+is_new() { [[ $1 -nt $tool && $1 -nt web/test/run.sh ]]; } # or it may be another scene
 # scene NAME SECONDS GAUSSIANS EFFECTS ENCODE_OPTION...
 scene() {
   local name=$1 effects=()
-  [[ $work/$name.l4d -nt $tool ]] && return
+  is_new "$work/$name.l4d" && return
   [[ $4 == all ]] || effects=(--effects "$4")
   "$tool" synth --scene cloud --seconds "$2" --fps 30 --gaussians "$3" --seed 5 "${effects[@]}" -q -f -o "$work/$name.ply"
   shift 4
@@ -53,22 +54,22 @@ prepare() {
   web/build.sh "${what[@]}" | tee "$work/build.log" || status=$?
   [[ $status != 77 ]] || tail -n 1 "$work/build.log" >"$work/unprepared"
   [[ $status == 0 ]] || exit "$status"
-  scene long 20 20000 all
-  scene short 4 6000 all
-  scene indexed 4 6000 all --preset indexed
-  scene lossless 4 6000 all --preset lossless
+  scene long 20 8000 all
+  scene short 4 2000 all
+  scene indexed 4 2000 all --preset indexed
+  scene lossless 4 2000 all --preset lossless
   scene frames 1 3000 frames
   # What fades in and out within a part of a second; of several layers, one with 128 buckets.
   scene brief 0.6 3000 flicker,appear
   scene layered 10 8000 flicker,appear --set merge-fraction=0 --set merge-count=0
   scene tiers 8 20000 all --tiers 0.15,0.5
   # Drawn and shown in ways of their own.
-  scene dilated 1 4000 all --rendering dilation=16 --presentation playback=ping-pong,bounds=-2:-1:-3:2:1:3
-  scene drawn 1 4000 all --rendering dilation=1.5,cutoff=1.7,min_alpha=0.05,max_alpha=0.7,compensation=1 \
+  scene dilated 1 2000 all --rendering dilation=16 --presentation playback=ping-pong,bounds=-2:-1:-3:2:1:3
+  scene drawn 1 2000 all --rendering dilation=1.5,cutoff=1.7,min_alpha=0.05,max_alpha=0.7,compensation=1 \
     --presentation playback=loop,camera=0.5:-1:-6:0:0.25:0.5:0.1:-1:0:40,metres_per_unit=0.5
   # Of several streams, with playlists: as it is recorded, and as other files are joined.
-  if [[ ! $work/joined.m3u8 -nt $tool ]]; then
-    "$tool" synth --scene cloud --seconds 8 --fps 30 --gaussians 12000 --seed 6 -q -f -o "$work/members.ply"
+  if ! is_new "$work/joined.m3u8"; then
+    "$tool" synth --scene cloud --seconds 8 --fps 30 --gaussians 4000 --seed 6 -q -f -o "$work/members.ply"
     "$tool" encode "$work/members.ply" --no-first-view --live --segment 1 --playlist "$work/members.m3u8" -q -f -o "$work/members.l4d"
     "$tool" concat "$work/frames.l4d" "$work/short.l4d" "$work/tiers.l4d" -q -f -o "$work/joined.l4d"
     "$tool" manifest "$work/joined.l4d" -q -f -o "$work/joined.m3u8"
