@@ -54,7 +54,7 @@ prepare() {
   web/build.sh "${what[@]}" | tee "$work/build.log" || status=$?
   [[ $status != 77 ]] || tail -n 1 "$work/build.log" >"$work/unprepared"
   [[ $status == 0 ]] || exit "$status"
-  scene long 20 8000 all
+  scene long 20 20000 all
   scene short 4 2000 all
   scene indexed 4 2000 all --preset indexed
   scene lossless 4 2000 all --preset lossless
