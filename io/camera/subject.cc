@@ -100,6 +100,7 @@ std::vector<Point> visible_points(const Scene& scene) {
   const std::vector<float> position = visible_positions(scene);
   const bool is_logit = (scene.flags & L4D_OPACITY_LOGIT) != 0;
   std::vector<Point> points;
+  points.reserve(scene.count());
   for (size_t i = 0; i < scene.count(); ++i) {
     Point p;
     p.weight = linear_opacity(static_cast<double>(scene.opacity[i]), is_logit);
@@ -253,11 +254,12 @@ std::vector<float> visible_positions(const Scene& scene) {
 }
 
 uint64_t subject_bytes(const Scene& scene) {
-  // Copies of what decides where a Gaussian is seen; its point among all, those that act and those
-  // that are dense; the numbers that a quantile is of.
+  // A Gaussian's point among all, those that act and those that are dense, and the numbers that a
+  // quantile is of; or copies of what decides where it is seen, and the cells of the grid.
+  constexpr uint64_t kPoints = 3 * sizeof(Point) + sizeof(Weighted);
   constexpr uint64_t kCopies = (3 + 1 + 4 + 8) * sizeof(float) + sizeof(double) + 8;
-  constexpr uint64_t kGrid = 6 << 20;  // of cells, and what is kept of them
-  return kGrid + scene.count() * (kCopies + 3 * sizeof(Point) + sizeof(Weighted));
+  constexpr uint64_t kGrid = 6 << 20;
+  return std::max(scene.count() * kPoints, scene.count() * kCopies + kGrid);
 }
 
 Subject subject_of(const Scene& scene) {
