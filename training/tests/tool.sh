@@ -199,7 +199,7 @@ expect 0 "stream +[0-9]+ bytes" train "${options[@]}" -o coded --steps 60 --enco
 cmp coded/scene.l4d again.l4d || die "l4dcodec encode --weights makes another stream"
 "$codec" info coded/scene.l4d >out
 grep -q "^presentation: camera=" out || die "the stream states no first view"
-expect 5 'coded/scene.l4d: this is a stream, .*`l4dcodec decode` makes a PLY' capture coded/scene.l4d -o x
+expect 5 'coded/scene.l4d: this is a stream, .*l4dcodec decode.* makes a PLY' capture coded/scene.l4d -o x
 
 # LPIPS with weights of a file: random ones here. It is reported if it is wanted, and for equal images it is 0.
 "$python" -B "$here/../../tests/common/random_alexnet.py" alex.safetensors
@@ -315,10 +315,17 @@ expect 2 "--seconds is 1e[+]30; it must be 0.001 to" inspect capture --seconds 1
 cp -r capture inner
 for what in images mask; do
   "$python" - "$what" <<'PY'
-import json, os, sys
+import json, os, struct, sys, zlib
 capture = json.load(open("capture/cameras.json"))
 camera = capture["cameras"][1]
-outside = {"images": "../capture/" + camera["images"], "mask": os.path.abspath("capture/" + camera["images"] % 0)}
+# Every other pixel counts.
+size = [camera.get(side, capture.get(side)) for side in ("width", "height")]
+rows = zlib.compress((b"\0" + bytes(255 * (x % 2) for x in range(size[0]))) * size[1])
+with open("mask.png", "wb") as mask:
+    mask.write(b"\x89PNG\r\n\x1a\n")
+    for name, data in (b"IHDR", struct.pack(">2I5B", *size, 8, 0, 0, 0, 0)), (b"IDAT", rows), (b"IEND", b""):
+        mask.write(struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)))
+outside = {"images": "../capture/" + camera["images"], "mask": os.path.abspath("mask.png")}
 camera[sys.argv[1]] = outside[sys.argv[1]]
 json.dump(capture, open("inner/cameras.json", "w"))
 PY
