@@ -95,7 +95,7 @@ class PngReadStruct {
 };
 
 // What libpng has written of an image and is not yet in its file. No exception may pass through
-// libpng: it is told of memory that is not there as of an error.
+// libpng: where memory is missing, it gets an error of its own.
 struct PngTarget {
   std::vector<uint8_t> bytes;
   char message[160] = "";
