@@ -113,7 +113,8 @@ TEST_F(NamesTest, WhatHoldsNothingKnownIsRefusedByItsName) {
                                                     {"a.ksplat", "of KSPLAT"},
                                                     {"a.splat", "scale below 0"},
                                                     {"a.4dgs", "no .4dgs file"}};
-  for (const auto& [name, said] : words) {
+  for (const auto& word : words) {
+    const std::string name = word.first, said = word.second;
     std::string message;
     const std::string file = write(name, std::string(8192, '\xbf'));
     EXPECT_NE(test::status_of([&] { read_scene_file(file, name); }, &message), L4D_OK);
