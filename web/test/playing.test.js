@@ -66,7 +66,8 @@ const playAndCompare = async ({stream, from = 0, jump, seconds, sortMs, rowMs = 
   const removedPlaying = removed;
   painter.draw = draw;
   sorter.onmessage = receive;
-  await queue;
+  // What still comes meanwhile waits its turn: a bucket that went would else be there, and one that came would not.
+  for (let last; last !== queue;) await (last = queue);
   movie.worker.onmessage = receiveRows;
 
   const pictures = [];
