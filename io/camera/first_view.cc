@@ -155,6 +155,7 @@ void state_first_view(const CameraSet& set, const Scene& scene, l4d_presentation
   const std::optional<Subject> subject = visible_subject(scene);
   if (!subject) return state_first_view(cameras, 1, presentation);
   if (cameras.empty()) return;
+  constexpr double kFree = 0.15;  // of the distance to the subject
   const SightGrid grid(scene, *subject);
   const Vec3 up = common_up(cameras);
   state_view_of(
@@ -163,9 +164,11 @@ void state_first_view(const CameraSet& set, const Scene& scene, l4d_presentation
         const Vec3 eye = center_of(camera);
         const Vec3 way = minus(subject->center, eye);
         const double faces = length(way) > 0 ? dot(row_of(camera, 2), unit(way)) : 0;
+        // The camera was there: what a model has close to it is haze that no image shows.
+        const double free = kFree * length(way);
         // One that looks elsewhere shows it at the edge, or not at all.
         return faces < 0.5 ? faces - 1
-                           : faces * grid.seen_from(eye, subject->center, row_of(camera, 1));
+                           : faces * grid.seen_from(eye, subject->center, row_of(camera, 1), free);
       },
       presentation);
 }

@@ -36,16 +36,17 @@ SightGrid::SightGrid(const Scene& scene, const Subject& subject)
   find_dense();
 }
 
-double SightGrid::seen_from(const Vec3& eye, const Vec3& target, const Vec3& up) const {
+double SightGrid::seen_from(const Vec3& eye, const Vec3& target, const Vec3& up,
+                            double free) const {
   const Vec3 forward = unit(minus(target, eye));
-  const double clear = clear_from(eye, target, up);
+  const double clear = clear_from(eye, target, up, free);
   double sum = 0;
   for (const auto& [at, weight] : dense_) {
     const Vec3 way = minus(eye, at);
     const double distance = length(way);
     // What is nearer than a quarter of the radius fills the image and shows nothing.
     if (distance < subject_.radius / 4 || -dot(way, forward) < kConeCosine * distance) continue;
-    sum += weight * std::exp(-depth_between(at, way, distance));
+    sum += weight * std::exp(-depth_between(at, unit(way), distance - free));
   }
   return sum * clear;
 }
@@ -71,7 +72,8 @@ double SightGrid::symmetry(const Vec3& level, const Vec3& up) const {
 }
 
 // Of 7 x 5 directions of the image, half of the way to the target.
-double SightGrid::clear_from(const Vec3& eye, const Vec3& target, const Vec3& up) const {
+double SightGrid::clear_from(const Vec3& eye, const Vec3& target, const Vec3& up,
+                             double free) const {
   constexpr double kStep = 0.18;  // tangent: the outermost are 28 and 20 degrees off the axis
   const Vec3 forward = unit(minus(target, eye));
   const Vec3 right = unit(cross(forward, up)), down = cross(forward, right);
@@ -81,7 +83,7 @@ double SightGrid::clear_from(const Vec3& eye, const Vec3& target, const Vec3& up
     const Vec3 way =
         unit(ahead(ahead(forward, kStep * (k % 7 - 3), right), kStep * (k / 7 - 2), down));
     double depth = 0;
-    for (double s = 0; s <= distance; s += cell_) {
+    for (double s = free; s <= distance; s += cell_) {
       const size_t cell = cell_of(ahead(eye, s, way));
       if (cell < depth_.size()) depth += depth_[cell];
     }
@@ -142,11 +144,11 @@ void SightGrid::find_dense() {
   }
 }
 
-// Optical depth on the way, but for the cells of `at` and next to it.
+// Optical depth so far along the way, a direction, but for the cells of `at` and next to it.
 double SightGrid::depth_between(const Vec3& at, const Vec3& way, double distance) const {
   double depth = 0;
   for (double s = 1.5 * cell_; s <= distance; s += cell_) {
-    const size_t cell = cell_of(ahead(at, s / distance, way));
+    const size_t cell = cell_of(ahead(at, s, way));
     if (cell == depth_.size()) break;
     depth += depth_[cell];
   }

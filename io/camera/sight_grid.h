@@ -18,15 +18,16 @@ class SightGrid {
   SightGrid(const Scene& scene, const Subject& subject);
 
   // How much of the dense parts is seen from `eye` around the direction of `target`, times how much
-  // of the image is free of what is close to the eye. up: not parallel to that direction.
-  double seen_from(const Vec3& eye, const Vec3& target, const Vec3& up) const;
+  // of the image is free of what is close to the eye. up: not parallel to that direction. free: so
+  // far from the eye nothing hides anything, scene units.
+  double seen_from(const Vec3& eye, const Vec3& target, const Vec3& up, double free = 0) const;
 
   // How much of the subject is the same on both sides of the upright plane through it that `level`
   // lies in, from 0 to 1: statues and people have such a plane, and face along it.
   double symmetry(const Vec3& level, const Vec3& up) const;
 
  private:
-  double clear_from(const Vec3& eye, const Vec3& target, const Vec3& up) const;
+  double clear_from(const Vec3& eye, const Vec3& target, const Vec3& up, double free) const;
   size_t cell_of(const Vec3& p) const;  // depth_.size() outside
   Vec3 middle_of(size_t cell) const;
   void hide(const Vec3& p, double opacity, double share);

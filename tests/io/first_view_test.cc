@@ -125,6 +125,22 @@ TEST(FirstView, OfCamerasIsOneThatTrains) {
   EXPECT_NE(p.camera_position[0], 0);
 }
 
+// Training leaves haze before cameras, which they do not show; what stands further away they do.
+TEST(FirstView, OfCamerasLooksPastTheHazeBeforeThem) {
+  Scene scene = empty_scene();
+  add_ball(&scene, 6000, {0, 0, 0}, 1, 0.03, 0.9F);
+  add_ball(&scene, 100, {0, 0, -1.7}, 0.05, 0.03, 0.95F);
+  add_ball(&scene, 200, {0.9, 0, 1.1}, 0.2, 0.05, 0.9F);
+  CameraSet set;
+  for (const Vec3& eye : {Vec3{0, 0, -1.8}, Vec3{1.5, 0, 1.8}}) {
+    set.cameras.push_back({});
+    set.cameras.back().camera = looking(eye, {0, 0, 0});
+  }
+  l4d_presentation p = default_presentation();
+  state_first_view(set, scene, &p);
+  EXPECT_NEAR(p.camera_position[2], -1.8, 1e-9);
+}
+
 // A dome of cameras: most look down at a bare floor, and the middle of all is nearest to those.
 TEST(FirstView, OfADomeLooksAhead) {
   std::vector<l4d_camera> cameras;
