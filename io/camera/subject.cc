@@ -96,7 +96,7 @@ void state_motion(const Scene& scene, size_t i, Point* p) {
   p->speed = length(velocity_of(rotor, scale)) * whole;
 }
 
-std::vector<Point> visible_points(const Scene& scene) {
+std::vector<Point> visible_points(const Scene& scene, bool with_motion) {
   const std::vector<float> position = visible_positions(scene);
   const bool is_logit = (scene.flags & L4D_OPACITY_LOGIT) != 0;
   std::vector<Point> points;
@@ -110,7 +110,7 @@ std::vector<Point> visible_points(const Scene& scene) {
       usable = usable && std::isfinite(p.at[k]);
     }
     p.surface = p.weight * area_of(scene, i);
-    if (usable) state_motion(scene, i, &p);
+    if (usable && with_motion) state_motion(scene, i, &p);
     if (usable) points.push_back(p);
   }
   return points;
@@ -263,11 +263,11 @@ uint64_t subject_bytes(const Scene& scene) {
 }
 
 Subject subject_of(const Scene& scene) {
-  const std::vector<Point> points = visible_points(scene);
+  const bool has_bounds = scene.presentation.has_bounds != 0;
+  const std::vector<Point> points = visible_points(scene, !has_bounds);
   if (points.empty()) {
     throw Error(L4D_ERR_INVALID_SCENE, "no Gaussian is visible: there is nothing to look at");
   }
-  const bool has_bounds = scene.presentation.has_bounds != 0;
   Subject subject = has_bounds ? ball_of_bounds(scene.presentation) : ball_of(points);
   // What it stands on is not dense: it counts before the rest is left out.
   subject.up = up_of(points, subject, scene.placement.coordinate_system);
