@@ -312,7 +312,7 @@ TEST(PlayerMemory, StaysThatOfTheInstantsAtHand) {
     for (double t = 0; t < seconds; t += 1.0 / 12) playing.render(t);
     store[k] = playing.counters().store_bytes;
     const uint64_t all = o.gaussians * 268;
-    // All of the short scene may be at hand, and a bucket leaves a part of its last chunk unused.
+    // All of the short scene may be at hand, and a store grows by a sixteenth more than it needs.
     EXPECT_LT(store[k], k == 0 ? all + all / 16 : all / 3);
   }
   EXPECT_LT(static_cast<double>(store[1]), 1.2 * static_cast<double>(store[0]));
