@@ -19,24 +19,12 @@ using Json = nlohmann::json;
 // Of the rows of a rotation: enough for matrices written with four digits.
 constexpr double kRotationTolerance = 1e-3;
 
-std::string decimal(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.6g", value);
-  return text;
-}
-
 CameraSet read_json(InputFile& file, bool any_path, const Hold& holder) {
   const std::string& path = file.path();
-  const std::shared_ptr<void> of_file = hold(holder, file.size(), path);
-  std::vector<char> text(static_cast<size_t>(file.size()));
-  text.resize(file.read(text.data(), text.size()));
   const CameraPlace place{path, ""};
+  std::shared_ptr<void> memory;
   // Twice a camera, for a list that grows.
-  const std::shared_ptr<void> memory =
-      hold(holder, json_bytes(text.data(), text.size(), 2 * sizeof(Camera)), path);
-  Json root;
-  const std::string wrong = parse_json(text.data(), text.data() + text.size(), &root);
-  if (!wrong.empty()) place.fail(wrong);
+  const Json root = read_json_file(file, holder, 2 * sizeof(Camera), &memory);
   try {
     if (root.is_array()) return read_3dgs_cameras(path, root);
     if (root.is_object() && root.contains("cameras")) return read_cameras_json(path, root);
@@ -70,6 +58,24 @@ CameraSet read_folder(const std::string& path, const Hold& holder) {
 
 void CameraPlace::fail(l4d_status status, const std::string& what) const {
   throw Error(status, path + ": " + (camera.empty() ? "" : camera + ": ") + what);
+}
+
+Json read_json_file(InputFile& file, const Hold& holder, uint64_t of_object,
+                    std::shared_ptr<void>* memory) {
+  const std::shared_ptr<void> of_file = hold(holder, file.size(), file.path());
+  std::vector<char> text(static_cast<size_t>(file.size()));
+  text.resize(file.read(text.data(), text.size()));
+  *memory = hold(holder, json_bytes(text.data(), text.size(), of_object), file.path());
+  Json root;
+  const std::string wrong = parse_json(text.data(), text.data() + text.size(), &root);
+  if (!wrong.empty()) CameraPlace{file.path(), ""}.fail(wrong);
+  return root;
+}
+
+std::string decimal(double value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.6g", value);
+  return text;
 }
 
 const Json& member(const CameraPlace& place, const Json& object, const char* key) {

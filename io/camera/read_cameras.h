@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
@@ -27,6 +28,14 @@ struct CameraPlace {
   [[noreturn]] void fail(l4d_status status, const std::string& what) const;
   [[noreturn]] void fail(const std::string& what) const { fail(L4D_ERR_CORRUPT, what); }
 };
+
+// Reads a file of JSON; what is wrong with it is CORRUPT. of_object: bytes that the caller makes of
+// each object; memory: counts them and those of the result.
+nlohmann::json read_json_file(InputFile& file, const Hold& holder, uint64_t of_object,
+                              std::shared_ptr<void>* memory);
+
+// A number in a message, with six digits.
+std::string decimal(double value);
 
 // Members of a JSON object. Numbers are finite; all but the optional ones must be there.
 const nlohmann::json& member(const CameraPlace& place, const nlohmann::json& object,

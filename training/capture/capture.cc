@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <set>
 
+#include "io/camera/read_cameras.h"
 #include "io/image/video.h"
 #include "io/scene/scene.h"
 
@@ -19,12 +20,6 @@ constexpr uint32_t kTestEvery = 8;  // cameras, where a layout names none for te
 constexpr size_t kMinViews = 3;
 constexpr double kMinFps = 1e-3, kMaxFps = 1e6;
 constexpr double kMinSeconds = 1e-3, kMaxSeconds = 1e6;
-
-std::string decimal(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.6g", value);
-  return text;
-}
 
 // "0,10,15" and "0-3".
 std::set<int> ids_of(const std::string& text) {
@@ -176,19 +171,19 @@ void check_clock(const std::string& path, const Capture& capture) {
 void note_times(Capture* capture, const CaptureOptions& options) {
   const bool is_dnerf = capture->layout == "dnerf" || capture->layout == "transforms";
   const bool is_scaled = is_dnerf || (capture->layout == "hypernerf" && options.fps == 0);
-  const std::string seconds = "--seconds (" + decimal(options.seconds) + ")";
+  const std::string seconds = "--seconds (" + io::decimal(options.seconds) + ")";
   double last = 0;
   for (const CaptureView& view : capture->views) last = std::max(last, view.time);
   if (is_scaled && last > 0) {
     capture->notes.push_back("Times of images are multiplied by " + seconds +
-                             ": the last one is at " + decimal(last) +
-                             " s, and the sequence lasts " + decimal(capture->duration()) + " s.");
+                             ": the last one is at " + io::decimal(last) +
+                             " s, and the sequence lasts " + io::decimal(capture->duration()) + " s.");
   } else if (is_dnerf) {
     capture->notes.push_back("All images are of one instant: no time is above 0.");
   } else if (options.seconds != 1) {
     capture->notes.push_back(seconds +
                              " changes nothing: times are those of frames, of which there are " +
-                             decimal(capture->fps) + " a second.");
+                             io::decimal(capture->fps) + " a second.");
   }
 }
 

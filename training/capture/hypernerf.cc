@@ -21,13 +21,9 @@ using Json = nlohmann::json;
 // memory: counts the object.
 Json read_json(const fs::path& path, const io::Hold& holder, std::shared_ptr<void>* memory) {
   io::InputFile file(path.string(), holder);
-  const std::shared_ptr<void> of_file = io::hold(holder, file.size(), path.string());
-  std::vector<char> bytes(static_cast<size_t>(file.size()));
-  bytes.resize(file.read(bytes.data(), bytes.size()));
-  *memory = io::hold(holder, io::json_bytes(bytes.data(), bytes.size(), 0), path.string());
-  Json root = Json::parse(bytes, nullptr, false);
-  if (root.is_object()) return root;
-  CameraPlace{path.string(), ""}.fail("not a JSON object");
+  Json root = io::read_json_file(file, holder, 0, memory);
+  if (!root.is_object()) CameraPlace{path.string(), ""}.fail("not a JSON object");
+  return root;
 }
 
 std::vector<double> numbers(const CameraPlace& place, const Json& root, const char* key,

@@ -53,6 +53,7 @@ class Reader {
     if (colon == std::string::npos) fail("no key");
     const std::string key = unquoted(trimmed(content.substr(0, colon)));
     const std::string value = trimmed(content.substr(colon + 1));
+    if (file_.numbers.count(key) + file_.texts.count(key) > 0) fail(key + " is there twice");
     if (value.rfind("!!opencv-matrix", 0) == 0) {
       ++at_;
       file_.numbers[key] = read_matrix();

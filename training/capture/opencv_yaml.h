@@ -16,7 +16,7 @@ struct YamlFile {
 
 // Reads the part of YAML that OpenCV writes: `key: !!opencv-matrix` with rows, cols, dt and data,
 // `key: 1.5`, `key: [1, 2]`, and `key:` with a list of texts below. Throws io::Error(CORRUPT) that
-// names file and line.
+// names file and line; a key twice is wrong.
 YamlFile read_opencv_yaml(const std::string& path);
 
 }  // namespace l4d::train

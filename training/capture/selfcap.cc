@@ -38,8 +38,9 @@ void rotation_of(const double* r, double* out) {
 
 class SelfcapReader {
  public:
-  explicit SelfcapReader(const std::string& folder)
+  SelfcapReader(const std::string& folder, const io::Hold& holder)
       : folder_(folder),
+        holder_(holder),
         intrinsics_(read_opencv_yaml((folder_ / "intri.yml").string())),
         extrinsics_(read_opencv_yaml((folder_ / "extri.yml").string())) {}
 
@@ -166,8 +167,9 @@ class SelfcapReader {
     std::error_code error;
     if (!fs::exists(path, error)) return;
     const CameraPlace place{path.string(), ""};
-    const std::vector<uint8_t> bytes = io::read_whole_file(path.string());
-    const nlohmann::json root = nlohmann::json::parse(bytes, nullptr, false);
+    std::shared_ptr<void> memory;
+    io::InputFile file(path.string(), holder_);
+    const nlohmann::json root = io::read_json_file(file, holder_, 0, &memory);
     if (!root.is_object()) place.fail("not an object of cameras and seconds");
     for (const auto& item : root.items()) {
       if (std::find(names.begin(), names.end(), item.key()) != names.end()) continue;
@@ -182,13 +184,14 @@ class SelfcapReader {
   }
 
   fs::path folder_;
+  const io::Hold& holder_;
   YamlFile intrinsics_, extrinsics_;
 };
 
 }  // namespace
 
 Capture read_selfcap_capture(const std::string& folder, const CaptureOptions& options) {
-  Capture capture = make_video_capture(folder, SelfcapReader(folder).read(), options);
+  Capture capture = make_video_capture(folder, SelfcapReader(folder, options.holder).read(), options);
   capture.layout = "selfcap";
   return capture;
 }

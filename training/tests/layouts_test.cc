@@ -636,7 +636,7 @@ TEST(Layouts, YamlOfOpenCv) {
   for (const char* bad : {"K: !!opencv-matrix\n  rows: 2\n  cols: 2\n  data: [1, 2, 3]\n",
                           "K: !!opencv-matrix\n  rows: 1\n  cols: 1\n  data: [.nan]\n",
                           "K: !!opencv-matrix\n  rows: 1\n  cols: 1\n", "K: [1, 2\n", "no key\n",
-                          "  indented: 1\n"}) {
+                          "  indented: 1\n", "fps: 1\nfps: 2\n", "K: [1]\nK:\n  - a\n"}) {
     EXPECT_THROW(read(bad), io::Error) << bad;
   }
 }
@@ -690,6 +690,9 @@ TEST(Layouts, WrongSelfcapAndHypernerf) {
   EXPECT_EQ(read_capture(folder / "h", {}).cameras.size(), kCameras + 1);
   with("skew", 2);
   expect_error(folder / "h", L4D_ERR_FEATURE_UNSUPPORTED, "cam02_1: the camera has a skew");
+  with("skew", 0);
+  write_text(one, "{\"skew\": 1, " + test::bytes_of(one).substr(1));
+  expect_error(folder / "h", L4D_ERR_CORRUPT, "cam02_1.json: an object has a key twice");
   write_text(one, whole);
   fs::remove(folder / "h/rgb/2x/cam03_1.png");
   expect_error(folder / "h", L4D_ERR_IO, "cam03_1");
@@ -712,6 +715,8 @@ TEST(Layouts, SelfcapOffsets) {
     EXPECT_NEAR(view.time, std::max(0.0, wanted), 1e-9);
   }
   EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("does not name: \"cam20\"")));
+  write_text(folder / "s/sync.json", R"({"cam02": -0.03, "cam02": 0.2})");
+  expect_error(folder / "s", L4D_ERR_CORRUPT, "sync.json: an object has a key twice");
 }
 
 }  // namespace
