@@ -27,7 +27,7 @@ const playAndCompare = async ({stream, from = 0, jump, seconds, sortMs, rowMs = 
   canvas.addEventListener('webglcontextlost', () => { ++lost; });
   movie.on('removed', () => { ++removed; });
   await view.show(movie);
-  view.orbit.frame({middle: [0, 0, 0], radius: 4}, 0);
+  view.orbit.frame({middle: [0, 0, 0], radius: 2}, 0);
   await movie.seek(from);
   await view.settled();
   movie.loop = true;
@@ -100,7 +100,7 @@ const isWhole = async (name, options) => {
     assert.deepEqual(page.errors, []);
     assert.equal(lost, 0, 'the context was lost');
     assert.ok(played >= options.seconds, `played ${played} s`);
-    const times = new Set(pictures.map(p => p.time)).size, lit = pictures.filter(p => p.light > 0.1).length;
+    const times = new Set(pictures.map(p => p.time)).size, lit = pictures.filter(p => p.light > 1).length;
     assert.ok(times >= 4 && lit > 0, `${pictures.length} pictures of ${times} times, ${lit} of them lit`);
     const mixed = pictures.filter(p => !(p.difference < 0.005));
     const words = mixed.slice(0, 8).map(p => `${p.time.toFixed(3)} s: ${(100 * p.difference).toFixed(1)} %`);
