@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <map>
+#include <thread>
 
 #include "encoder/component/codebook_coder.h"
 #include "encoder/encode_steps.h"
@@ -212,11 +213,15 @@ class Encoder::Run {
 
   Status write(const WriteFn& write) {
     FileParts parts;
+    const std::thread::id caller = std::this_thread::get_id();
+    const std::function<bool()> anywhere = [this, caller] {
+      return std::this_thread::get_id() == caller ? steps_.cancelled() : steps_.was_cancelled();
+    };
     const PositionCoding positions = header_;
     const ScalarCoding opacity = header_.opacity;
     const ErrorStatement errors = header_.errors;
     L4D_RETURN_IF_ERROR(
-        build_file(scene_, settings_, std::move(header_), coded_, threads_, &parts));
+        build_file(scene_, settings_, std::move(header_), coded_, threads_, &parts, &anywhere));
     steps_.begin("check");
     const ExpectedStream expected = {scene_, coded_,      positions, opacity,
                                      errors, parts.order, lossless_};

@@ -80,6 +80,8 @@ DecoderHandle lossless_stream(Context& context, const io::Scene& scene,
   l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
   options.threads = context.options.threads;
   const EncoderHandle encoder(&options);
+  Progress progress(context, "convert");
+  encoder.check(l4d_encoder_set_progress(encoder.get(), &Progress::callback, &progress));
   encoder.check(l4d_encoder_set_preset(encoder.get(), "lossless"));
   encoder.set(L4D_ENC_ZSTD_LEVEL, 1);
   set_scene(scene, encoder);

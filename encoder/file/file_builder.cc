@@ -19,13 +19,14 @@ constexpr size_t kMaxPagesPerDirectoryPage = size_t{1} << 19;
 class FileBuilder {
  public:
   FileBuilder(const EncoderScene& scene, const EncoderSettings& settings, SceneHeader header,
-              const CodedScene& coded, int threads)
+              const CodedScene& coded, int threads, const std::function<bool()>* cancelled)
       : scene_(scene),
         settings_(settings),
         header_(std::move(header)),
         layers_(coded.layers),
         sh_(coded.sh),
         threads_(threads),
+        cancelled_(cancelled),
         streams_(settings.get_int(Parameter::kZstdLevel)),
         zstd_(settings.get_int(Parameter::kZstdLevel)) {}
 
@@ -92,7 +93,7 @@ class FileBuilder {
           std::max(static_cast<size_t>(settings_.get(Parameter::kPageSize)),
                    layers_[l].gaussians.size() / kMaxPagesPerDirectoryPage + 1);
       const PageOptions options{page_size, settings_.get_int(Parameter::kZstdLevel),
-                                settings_.get_bool(Parameter::kRans)};
+                                settings_.get_bool(Parameter::kRans), cancelled_};
       built_.push_back(
           build_layer(scene_, header_, header_.layers[l], layers_[l], options, threads_));
       if (!built_.back().entropy.empty()) {
@@ -285,6 +286,7 @@ class FileBuilder {
   const std::vector<CodedLayer>& layers_;
   const CodedComponent& sh_;
   int threads_;
+  const std::function<bool()>* const cancelled_;
   StreamEncoder streams_;
   ZstdCompressor zstd_;
   FileParts parts_;
@@ -306,8 +308,9 @@ class FileBuilder {
 }  // namespace
 
 Status build_file(const EncoderScene& scene, const EncoderSettings& settings, SceneHeader header,
-                  const CodedScene& coded, int threads, FileParts* out) {
-  return FileBuilder(scene, settings, std::move(header), coded, threads).run(out);
+                  const CodedScene& coded, int threads, FileParts* out,
+                  const std::function<bool()>* cancelled) {
+  return FileBuilder(scene, settings, std::move(header), coded, threads, cancelled).run(out);
 }
 
 }  // namespace l4d

@@ -2,6 +2,7 @@
 // Coded layers to the bytes of a file: codebooks, directory, payload in time order, header.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "encoder/file/page_builder.h"
@@ -19,8 +20,10 @@ struct FileParts {
 
 // header: as choose_header chose it. What only chunks tell is added: where each lies, which layers
 // have entropy tables, and the profile and level that the stream keeps to, unless settings say.
+// cancelled: asked on any thread; then throws Cancelled.
 // Fails with LIMIT_EXCEEDED where the file goes beyond the conformance level that it shall declare.
 Status build_file(const EncoderScene& scene, const EncoderSettings& settings, SceneHeader header,
-                  const CodedScene& coded, int threads, FileParts* out);
+                  const CodedScene& coded, int threads, FileParts* out,
+                  const std::function<bool()>* cancelled = nullptr);
 
 }  // namespace l4d

@@ -7,6 +7,7 @@
 #include <mutex>
 #include <numeric>
 
+#include "encoder/encode_steps.h"
 #include "encoder/file/entropy_model.h"
 #include "encoder/layer/position_coding.h"
 #include "encoder/prepare/scalar.h"
@@ -80,6 +81,7 @@ class LayerBuilder {
       StreamEncoder streams(options_.zstd_level);
       ZstdCompressor whole(options_.zstd_level);
       for (size_t p = begin; p < end; ++p) {
+        if (options_.cancelled != nullptr && (*options_.cancelled)()) throw Cancelled();
         out.pages[p] = build_page(cuts_[p], model.get(), streams, whole);
       }
     });
@@ -110,6 +112,7 @@ class LayerBuilder {
       TokenCounts own(channels);
       uint64_t most = 0;
       for (size_t p = begin; p < end; ++p) {
+        if (options_.cancelled != nullptr && (*options_.cancelled)()) throw Cancelled();
         const PageColumns columns = make_columns(cuts_[p]);
         SymbolCounter page(own);
         visit_channels(header_, layer_header_, channels, columns, page);

@@ -2,6 +2,7 @@
 // Coded layers to pages: order inside buckets, columns, page records.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "encoder/layer/coded_scene.h"
@@ -15,6 +16,7 @@ struct PageOptions {
   size_t size = 0;  // Gaussians
   int zstd_level = 0;
   bool rans = false;
+  const std::function<bool()>* cancelled = nullptr;  // asked on any thread
 };
 
 struct BuiltPage {
@@ -30,7 +32,7 @@ struct BuiltLayer {
   unsigned symbols_per_gaussian = 0;  // of rANS pages, at most
 };
 
-// header, layer_header: as choose_header chose them.
+// header, layer_header: as choose_header chose them. Throws Cancelled.
 BuiltLayer build_layer(const EncoderScene& scene, const SceneHeader& header,
                        const LayerHeader& layer_header, const CodedLayer& layer,
                        const PageOptions& options, int threads);

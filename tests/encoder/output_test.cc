@@ -68,6 +68,7 @@ TEST_F(EncodeFile, IsWhatTheWriterGets) {
 struct Canceller {
   int calls = 0;
   int at = -1;
+  int writes = 0;
   uint64_t last_done = 0;
   bool wrong = false;
 };
@@ -75,6 +76,7 @@ int on_progress(void* user, uint64_t done, uint64_t total, const char* stage) {
   Canceller& c = *static_cast<Canceller*>(user);
   if (stage == nullptr || stage[0] == '\0' || done > total || done < c.last_done) c.wrong = true;
   c.last_done = done;
+  c.writes += stage != nullptr && std::string(stage) == "write" ? 1 : 0;
   return c.calls++ == c.at ? 1 : 0;
 }
 
@@ -84,6 +86,22 @@ TEST_F(EncodeFile, ProgressGoesForward) {
   ASSERT_EQ(l4d_encoder_encode_file(encoder_.get(), path_.c_str()), L4D_OK);
   EXPECT_GT(c.calls, 5);
   EXPECT_FALSE(c.wrong);
+}
+
+// Compressing pages is most of a lossless encode.
+TEST_F(EncodeFile, AsksBeforeEachPage) {
+  encoder_.check(l4d_encoder_set_preset(encoder_.get(), "lossless"));
+  encoder_.set(L4D_ENC_PAGE_SIZE, 64);
+  Canceller c;
+  ASSERT_EQ(l4d_encoder_set_progress(encoder_.get(), on_progress, &c), L4D_OK);
+  int chunks = 0;
+  l4d_writer w = L4D_INIT(l4d_writer);
+  w.user = &chunks;
+  w.write = [](void* user, const void*, size_t) { return 0 * ++*static_cast<int*>(user); };
+  ASSERT_EQ(l4d_encoder_encode(encoder_.get(), &w), L4D_OK);
+  // It asks before each chunk, and as each of two steps begins.
+  constexpr int kPages = 2;
+  EXPECT_GE(c.writes, chunks + 2 + kPages) << chunks;
 }
 
 // A nonzero return cancels, whichever call it is and though it is given once.
