@@ -53,6 +53,9 @@ std::vector<uint8_t> expand(const uint8_t* data, size_t size, uint64_t most,
     }
     if (status != Z_OK && status != Z_STREAM_END) fail(name, "the compressed data are damaged");
   }
+  if (window_bits > 15 && status == Z_STREAM_END && (stream.avail_in > 0 || read < size)) {
+    fail(name, "more bytes follow the compressed data");
+  }
   out.resize(used);
   return out;
 }

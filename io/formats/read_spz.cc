@@ -140,6 +140,7 @@ std::vector<uint8_t> expand_streams(const Header& h, const std::vector<uint8_t>&
     at += stored;
   }
   if (stream != streams) fail("there are more streams than Gaussians have attributes");
+  if (at != file.size() && (h.flags & kExtensions) == 0) fail("more bytes follow the streams");
   return body;
 }
 
@@ -166,12 +167,17 @@ Scene read_spz(InputFile input, const ImportOptions& options) {
   // The bytes once as they grow and once more, and the scene.
   std::shared_ptr<void> memory =
       hold(options.holder, 3 * bytes + static_scene_bytes(h.count, h.sh_degree), path);
-  std::vector<uint8_t> body = is_gzip ? expand_gzip(file.data(), file.size(), kHeader + bytes, path)
-                                      : expand_streams(h, file, path);
+  const bool has_extensions = (h.flags & kExtensions) != 0;
+  // One byte more than there should be is seen, and so is the end of the compressed data.
+  const uint64_t most = kHeader + bytes + (has_extensions ? 0 : 1);
+  std::vector<uint8_t> body =
+      is_gzip ? expand_gzip(file.data(), file.size(), most, path) : expand_streams(h, file, path);
   const size_t skipped = is_gzip ? kHeader : 0;
   if (body.size() != skipped + bytes) {
-    throw Error(L4D_ERR_CORRUPT, path + ": " + std::to_string(body.size() - skipped) +
-                                     " bytes of Gaussians; " + std::to_string(h.count) +
+    const std::string what = body.size() > skipped + bytes
+                                 ? "more bytes of Gaussians than stated"
+                                 : std::to_string(body.size() - skipped) + " bytes of Gaussians";
+    throw Error(L4D_ERR_CORRUPT, path + ": " + what + "; " + std::to_string(h.count) +
                                      " of them take " + std::to_string(bytes));
   }
   StaticRows rows(h.count, h.sh_degree);
@@ -179,7 +185,7 @@ Scene read_spz(InputFile input, const ImportOptions& options) {
   Scene scene = static_scene(std::move(rows), "spz", options);
   scene.placement.coordinate_system = L4D_COORDINATES_RIGHT_UP_BACK;
   if ((h.flags & kAntialiased) != 0) scene.rendering.compensation = 1;
-  if ((h.flags & kExtensions) != 0) {
+  if (has_extensions) {
     scene.notes.push_back("Extensions of the SPZ file were not read.");
   }
   scene.memory = std::move(memory);

@@ -128,12 +128,28 @@ TEST_F(SpzTest, AllVersionsAreRead) {
 TEST_F(SpzTest, EveryTruncationIsRefused) {
   for (const uint32_t version : {2U, 3U, 4U}) {
     const std::string whole = file_of(version, 1);
-    for (size_t size = 3; size + (version < 4 ? 9 : 0) < whole.size(); ++size) {
+    for (size_t size = 3; size < whole.size(); ++size) {
       std::string message;
       ASSERT_EQ(test::status_of([&] { read(whole.substr(0, size)); }, &message), L4D_ERR_CORRUPT)
           << version << " " << size;
     }
   }
+}
+
+TEST_F(SpzTest, MoreThanItStatesIsRefused) {
+  const auto refused = [&](const std::string& bytes, const char* expected) {
+    std::string message;
+    EXPECT_EQ(test::status_of([&] { read(bytes); }, &message), L4D_ERR_CORRUPT) << expected;
+    EXPECT_NE(message.find(expected), std::string::npos) << message;
+  };
+  for (const uint32_t version : {2U, 3U}) {
+    std::string body;
+    for (const std::string& part : streams(version, 1)) body += part;
+    refused(gzip(header(version, 1, 0, kCount - 1) + body), "more bytes of Gaussians than stated");
+    refused(gzip(header(version, 0) + body), "more bytes of Gaussians than stated");
+    refused(file_of(version, 1) + file_of(version, 1), "more bytes follow");
+  }
+  refused(file_of(4, 1) + "x", "more bytes follow the streams");
 }
 
 // Every byte changed: it is refused, or read without harm.
