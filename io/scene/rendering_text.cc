@@ -68,6 +68,7 @@ std::string join(const std::vector<double>& numbers) {
 // Calls set(name, value) for each "name=value" of the text; set returns whether it knows the name.
 void for_assignments(const std::string& text, const char* names,
                      const std::function<bool(const std::string&, const std::string&)>& set) {
+  std::vector<std::string> seen;
   for (const std::string& part : split(text, ',')) {
     const size_t equals = part.find('=');
     const std::string name = part.substr(0, equals);
@@ -75,6 +76,10 @@ void for_assignments(const std::string& text, const char* names,
       throw Error(L4D_ERR_INVALID_ARGUMENT,
                   "'" + part + "' is no NAME=VALUE, with NAME one of " + names);
     }
+    if (std::find(seen.begin(), seen.end(), name) != seen.end()) {
+      throw Error(L4D_ERR_INVALID_ARGUMENT, name + " is there twice");
+    }
+    seen.push_back(name);
   }
 }
 

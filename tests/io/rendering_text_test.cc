@@ -48,9 +48,10 @@ TEST(RenderingText, KeepsWhatIsNotNamed) {
 }
 
 TEST(RenderingText, RefusesWhatItCannotMean) {
-  for (const char* bad : {"", "dilation", "dilation=", "dilation=x", "dilation=1x", "dilation=17",
-                          "dilation=-1", "cutoff=0.5", "min_alpha=0", "max_alpha=1", "size=1",
-                          "compensation=2", "dilation=nan", "dilation=1,", "dilation=1;cutoff=2"}) {
+  for (const char* bad :
+       {"", "dilation", "dilation=", "dilation=x", "dilation=1x", "dilation=17", "dilation=-1",
+        "cutoff=0.5", "min_alpha=0", "max_alpha=1", "size=1", "compensation=2", "dilation=nan",
+        "dilation=1,", "dilation=1;cutoff=2", "dilation=1,dilation=2"}) {
     l4d_rendering r = default_rendering();
     EXPECT_THROW(parse_rendering(bad, &r), Error) << bad;
     EXPECT_TRUE(is_default(r)) << bad;
@@ -58,7 +59,8 @@ TEST(RenderingText, RefusesWhatItCannotMean) {
   for (const char* bad :
        {"", "playback=twice", "playback=unstated", "bounds=1:1:1:0:0:0", "bounds=0:0:0:1:1",
         "camera=0:0:0:0:0:0:0:1:0:60", "camera=0:0:1:0:0:0:0:0:1:60",
-        "camera=0:0:1:0:0:0:0:1:0:180", "metres_per_unit=-1", "metres_per_unit=inf"}) {
+        "camera=0:0:1:0:0:0:0:1:0:180", "metres_per_unit=-1", "metres_per_unit=inf",
+        "playback=loop,playback=once"}) {
     l4d_presentation p = default_presentation();
     EXPECT_THROW(parse_presentation(bad, &p), Error) << bad;
     EXPECT_TRUE(is_default(p)) << bad;
