@@ -84,7 +84,8 @@ TensorFile::TensorFile(InputFile file, const Hold& holder) : file_(std::move(fil
   for (const auto& [name, object] : root.items()) {
     if (name == "__metadata__") {
       for (const auto& [key, value] : object.items()) {
-        if (value.is_string()) metadata_[key] = value.get<std::string>();
+        if (!value.is_string()) fail("the header: " + key + " of __metadata__ is no text");
+        metadata_[key] = value.get<std::string>();
       }
       continue;
     }
@@ -110,6 +111,12 @@ std::vector<std::string> TensorFile::names() const {
   std::vector<std::string> names;
   for (const auto& entry : entries_) names.push_back(entry.first);
   return names;
+}
+
+std::vector<std::string> TensorFile::metadata_keys() const {
+  std::vector<std::string> keys;
+  for (const auto& entry : metadata_) keys.push_back(entry.first);
+  return keys;
 }
 
 const char* TensorFile::metadata(const std::string& key) const {

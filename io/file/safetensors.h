@@ -40,6 +40,7 @@ class TensorFile {
   std::vector<std::string> names() const;
   // Returns the text of a key of __metadata__, or nullptr if the header does not have it.
   const char* metadata(const std::string& key) const;
+  std::vector<std::string> metadata_keys() const;
 
   // Counts the values of tensors with `holder`. Fails with L4D_ERR_CORRUPT if the file has fewer.
   std::shared_ptr<void> hold_values(const std::vector<TensorTarget>& wanted,

@@ -69,22 +69,41 @@ void check_repeated(const TensorFile& file, uint64_t count, uint32_t flags) {
   }
 }
 
+void read_timeline(const TensorFile& file, const TextOf& text_of, const ImportOptions& options,
+                   Scene* scene) {
+  l4d_timeline& timeline = scene->timeline;
+  if (const char* unit = text_of("time_unit"); unit != nullptr && std::strcmp(unit, "seconds") != 0)
+    throw Error(L4D_ERR_FEATURE_UNSUPPORTED, "time_unit is not seconds");
+  if (options.fps > 0 && text_of("fps") == nullptr) {
+    set_fps(timeline, options.fps);
+  } else {
+    read_stated_fps(text_of, &timeline);
+  }
+  timeline.time_begin = stated_number(text_of, "time_begin", 0);
+  const bool has_frames = text_of("num_frames") != nullptr,
+             has_end = text_of("time_end") != nullptr;
+  const double seconds = stated_number(text_of, "time_end", 0) - timeline.time_begin;
+  if (has_frames) {
+    timeline.num_frames = whole_number(file, "num_frames", L4D_MAX_FRAMES);
+    const double frame = static_cast<double>(timeline.fps_den) / timeline.fps_num;
+    if (has_end && !(std::abs(duration(timeline) - seconds) <= frame / 2)) {
+      throw Error(L4D_ERR_CORRUPT,
+                  "num_frames and fps of the metadata are " + text_of_number(duration(timeline)) +
+                      " seconds, time_begin and time_end are " + text_of_number(seconds));
+    }
+  } else if (has_end) {
+    set_duration(timeline, seconds);
+  } else {
+    set_duration(timeline, options.seconds > 0 ? options.seconds : 1);
+    scene->notes.push_back("The file has no timeline; " + text_of_number(duration(timeline)) +
+                           " seconds were assumed.");
+  }
+}
+
 void read_statements(const TensorFile& file, const ImportOptions& options, Scene* scene) {
   const TextOf text_of = [&](const std::string& key) { return file.metadata(key); };
   try {
-    if (options.fps > 0) {
-      set_fps(scene->timeline, options.fps);
-    } else {
-      read_stated_fps(text_of, &scene->timeline);
-    }
-    scene->timeline.time_begin = stated_number(text_of, "time_begin", 0);
-    if (file.metadata("num_frames") != nullptr) {
-      scene->timeline.num_frames = whole_number(file, "num_frames", L4D_MAX_FRAMES);
-    } else {
-      set_duration(scene->timeline, options.seconds > 0 ? options.seconds : 1);
-      scene->notes.push_back("The file has no timeline; " +
-                             text_of_number(duration(scene->timeline)) + " seconds were assumed.");
-    }
+    read_timeline(file, text_of, options, scene);
     read_stated_placement(text_of, scene);
   } catch (const Error& error) {
     fail(file, error.status() == L4D_ERR_FEATURE_UNSUPPORTED ? error.status() : L4D_ERR_CORRUPT,
@@ -93,6 +112,19 @@ void read_statements(const TensorFile& file, const ImportOptions& options, Scene
 }
 
 void note_unread(const TensorFile& file, const std::set<std::string>& read, Scene* scene) {
+  static const std::set<std::string> kMetadata = {
+      "schema",          "form",          "sh_degree",
+      "flags",           "byte_order",    "num_gaussians",
+      "opacity",         "position_at",   "fps",
+      "time_begin",      "time_end",      "time_unit",
+      "num_frames",      "l4d_origin",    "l4d_scale",
+      "l4d_coordinates", "l4d_rendering", "l4d_color_space",
+      "l4d_presentation"};
+  for (const std::string& key : file.metadata_keys()) {
+    if (kMetadata.count(key) != 0) continue;
+    scene->notes.push_back("The metadata " + list_of_names({key}) +
+                           " are not known and were not read.");
+  }
   std::vector<std::string> unread;
   for (const std::string& name : file.names()) {
     if (read.count(name) == 0) unread.push_back(name);

@@ -40,8 +40,14 @@ def count(h): h["__metadata__"]["num_gaussians"] = "1"
 def huge(h): h["mean_t"]["shape"] = h["mean_t_exact"]["shape"] = [1 << 40]
 def more(h): h["labels"] = h["opacity"]
 def no_clock(h):
-    for key in ("num_frames", "fps", "time_begin"): del h["__metadata__"][key]
-for change in (without_schema, other_schema, packed, flags, frames, order, logits, count, huge, more, no_clock):
+    for key in ("num_frames", "fps", "time_begin", "time_end"): h["__metadata__"].pop(key, None)
+def unit(h): h["__metadata__"]["time_unit"] = "milliseconds"
+def end(h): h["__metadata__"]["time_end"] = "9"
+def only_end(h):
+    del h["__metadata__"]["num_frames"]
+    h["__metadata__"].update(time_end="3", frame_rate="25")
+def rate(h): h["__metadata__"]["fps"] = 25
+for change in (without_schema, other_schema, packed, flags, frames, order, logits, count, huge, more, no_clock, unit, end, only_end, rate):
     write(change.__name__ + ".safetensors", change)
 PY
 refused() { expect "$2" info "$1.safetensors"; expect_text err "$3"; }
@@ -58,6 +64,14 @@ expect_document 0 info more.safetensors
 expect_json out 'any("1 arrays were not read: labels." == n for n in d["notes"])'
 expect 0 encode no_clock.safetensors --seconds 3 --preset lossless -o n.l4d
 expect_text err 'no timeline; 3 seconds'
+refused unit 5 'time_unit is not seconds'
+refused end 4 '2 seconds, time_begin and time_end are 9'
+refused rate 4 'fps of __metadata__ is no text'
+expect_document 0 info only_end.safetensors
+expect_json out 'any("frame_rate are not known" in n for n in d["notes"])'
+expect 0 encode only_end.safetensors --seconds 9 --fps 5 --preset lossless -o n.l4d -f
+expect_text err '--fps 5 is not used: the file states a frame rate of 30'
+expect_text err '--seconds 9 is not used: the file states a duration in seconds of 3'
 expect_document 0 info n.l4d
 expect_json out 'd["num_frames"] == 90'
 expect 6 info a.safetensors --limit-memory 10k
