@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <map>
 #include <optional>
 
@@ -44,6 +45,32 @@ std::optional<Numbered> numbered(const std::string& path) {
                   std::stoul(name.substr(begin, end - begin))};
 }
 
+// A name with a # for each number in it.
+std::string kind_of(const std::string& path) {
+  std::string kind;
+  for (const char c : fs::path(path).filename().string()) {
+    const bool is_digit = c >= '0' && c <= '9';
+    if (!is_digit || kind.empty() || kind.back() != '#') kind += is_digit ? '#' : c;
+  }
+  return kind;
+}
+
+// Files that may be of another sequence, or of none.
+void note_kinds(Context& context, const std::string& folder,
+                const std::vector<std::string>& files) {
+  std::map<std::string, std::string> kinds;
+  for (const std::string& file : files) {
+    if (numbered(file)) kinds.emplace(kind_of(file), file);
+  }
+  for (const std::string& file : files) {
+    if (!kinds.empty() && !numbered(file)) kinds.emplace(kind_of(file), file);
+  }
+  if (kinds.size() < 2) return;
+  context.note(folder + ": its files have names of " + format_count(kinds.size()) + " kinds, as " +
+               kinds.begin()->second + " and " + std::next(kinds.begin())->second +
+               "; all are taken as frames of one sequence, in the order of their names");
+}
+
 // Names of a folder need no numbers; where they have them, frames may be missing.
 void note_gaps(Context& context, const std::string& folder, const std::vector<std::string>& files) {
   size_t missing = 0;
@@ -51,6 +78,10 @@ void note_gaps(Context& context, const std::string& folder, const std::vector<st
   for (size_t k = 1; k < files.size(); ++k) {
     const auto a = numbered(files[k - 1]), b = numbered(files[k]);
     if (!a || !b || a->before != b->before || a->after != b->after) return;
+    if (b->number == a->number) {
+      context.note(folder + ": " + files[k - 1] + " and " + files[k] +
+                   " have the same number; both are taken as frames");
+    }
     if (b->number <= a->number + 1) continue;
     if (missing == 0) first = files[k - 1];
     missing += b->number - a->number - 1;
@@ -78,6 +109,7 @@ std::vector<std::string> files_of_folder(Context& context, const std::string& fo
                  "not read");
   }
   std::sort(files.begin(), files.end(), name_is_before);
+  note_kinds(context, folder, files);
   note_gaps(context, folder, files);
   return files;
 }

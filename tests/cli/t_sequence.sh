@@ -46,6 +46,11 @@ cp frames/f_004.ply gaps/f_4.ply
 cp frames/f_010.ply gaps/f_10.ply
 expect 0 encode gaps --fps 30 -o gaps.l4d
 expect_text err 'gaps: the numbers of its files leave out 5, first behind gaps/f_4.ply'
+cp frames/f_003.ply gaps/f_03.ply
+cp frames/f_003.ply gaps/input.ply
+expect 0 encode gaps --fps 30 -o gaps.l4d --force
+expect_text err 'gaps/f_0?3.ply and gaps/f_0?3.ply have the same number'
+expect_text err 'names of 2 kinds, as gaps/f_.*ply and gaps/input.ply; all are taken as frames'
 expect 0 encode frames --fps 30 --match none --preset lossless -o none.l4d
 "$PYTHON" -c 'import os, sys; sys.exit(os.path.getsize("none.l4d") < 5 * os.path.getsize("clip.l4d"))' ||
   die 'matches save nothing'
