@@ -9,6 +9,7 @@
 
 #include "io/file/foreign_file.h"
 #include "io/formats/readers.h"
+#include "io/ply/read_ply.h"
 
 namespace l4d::io {
 namespace {
@@ -71,7 +72,9 @@ Scene read_scene_file(const std::string& path, const std::string& name,
     return read_scene_ply(path, options);
   }
   try {
-    return read(InputFile(path, options.holder), options);
+    Scene scene = read(InputFile(path, options.holder), options);
+    note_far_times(scene);
+    return scene;
   } catch (const std::bad_alloc&) {
     throw Error(L4D_ERR_OUT_OF_MEMORY, path + ": not enough memory for the scene");
   }

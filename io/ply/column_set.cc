@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "io/ply/read_ply.h"
 #include "libl4dcodec/scene/sh.h"
 
 namespace l4d::io {
@@ -251,6 +252,7 @@ void ColumnSet::note_unread() {
   for (size_t k = 0; k < properties.size(); ++k) {
     if (is_read[k] == 0) unread.push_back(properties[k].name);
   }
+  if (scene_.source != "l4d_ply") refuse_unread_time(reader_, unread);
   if (!unread.empty()) {
     scene_.notes.push_back(std::to_string(unread.size()) + " of " +
                            std::to_string(properties.size()) +

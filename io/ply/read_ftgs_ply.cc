@@ -49,7 +49,8 @@ Scene read_ftgs_ply(PlyReader& reader, const ImportOptions& options) {
   columns.add("opacity", scene.opacity.data(), 0, 1);
   columns.add("time", time.data(), 0, 1);
   columns.add("log_duration", log_duration.data(), 0, 1);
-  if (moving) {
+  // Not used where the model is said not to move.
+  if (moving || reader.element().has("velocity_0")) {
     velocity.resize(count * 3);
     columns.add_indexed("velocity", 3, velocity.data(), 3);
   }

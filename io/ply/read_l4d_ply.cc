@@ -19,17 +19,18 @@ void read_timeline(const PlyReader& reader, const ImportOptions& options, Scene&
   const double begin = comment_number(reader, "time_begin", 0);
   const double end = comment_number(reader, "time_end", begin + 1);
   const bool is_stated = reader.header().comment("time_end") != nullptr;
+  const bool takes_fps = options.fps > 0 && reader.header().comment("fps") == nullptr;
   const double seconds = options.seconds > 0 && !is_stated ? options.seconds : end - begin;
   scene.timeline.time_begin = begin;
   try {
-    if (options.fps > 0) {
+    if (takes_fps) {
       set_fps(scene.timeline, options.fps);
     } else {
       set_fps_from_comment(reader, scene.timeline);
     }
     set_duration(scene.timeline, seconds);
   } catch (const Error& error) {
-    if (options.fps > 0 || options.seconds > 0 || error.status() == L4D_ERR_CORRUPT) throw;
+    if (takes_fps || options.seconds > 0 || error.status() == L4D_ERR_CORRUPT) throw;
     reader.fail(L4D_ERR_CORRUPT, error.what());
   }
   if (std::abs(duration(scene.timeline) - seconds) > 1e-6 * seconds) {

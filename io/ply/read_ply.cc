@@ -12,6 +12,36 @@
 namespace l4d::io {
 namespace {
 
+constexpr const char* kStatements[] = {"l4d_ply",          "l4d_origin",    "l4d_scale",
+                                       "l4d_coordinates",  "l4d_rendering", "l4d_color_space",
+                                       "l4d_presentation", "time_unit",     "time_begin",
+                                       "time_end",         "fps",           "ftgs_version",
+                                       "n_frames",         "use_velocity",  "min_duration",
+                                       "opacity_floor"};
+// Of a clock, as others may write them.
+constexpr const char* kClock[] = {"fps",        "framerate",  "frame_rate", "n_frames",
+                                  "num_frames", "time_begin", "time_end",   "time_unit"};
+
+template <size_t N>
+bool is_one_of(const char* const (&names)[N], const std::string& name) {
+  return std::any_of(std::begin(names), std::end(names),
+                     [&](const char* known) { return name == known; });
+}
+
+// Whether a word is one of kClock but for capitals and what follows ':' or '='.
+bool speaks_of_clock(std::string word) {
+  word.resize(std::min(word.size(), word.find_first_of(":=")));
+  std::transform(word.begin(), word.end(), word.begin(), [](unsigned char c) {
+    return static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
+  });
+  return is_one_of(kClock, word);
+}
+
+std::string rest_of(const std::string& text, const std::string& key) {
+  const size_t at = text.find_first_not_of(" \t", key.size());
+  return at == std::string::npos ? "" : text.substr(at);
+}
+
 // What `read` makes of the comments; its errors name the file.
 template <typename Read>
 auto from_comments(const PlyReader& reader, const Read& read) {
@@ -48,17 +78,19 @@ void set_default_timeline(Scene& scene, const ImportOptions& options) {
 }
 
 void read_placement(const PlyReader& reader, Scene& scene) {
-  static constexpr const char* kKnown[] = {"l4d_ply",         "l4d_origin",    "l4d_scale",
-                                           "l4d_coordinates", "l4d_rendering", "l4d_color_space",
-                                           "l4d_presentation"};
   for (const std::string& text : reader.header().comments) {
     const std::string key = text.substr(0, text.find_first_of(" \t"));
-    const auto is_key = [&](const char* known) { return key == known; };
-    if (key.rfind("l4d_", 0) != 0 || std::any_of(std::begin(kKnown), std::end(kKnown), is_key)) {
+    if (!is_one_of(kStatements, key)) {
+      if (key.rfind("l4d_", 0) == 0 || speaks_of_clock(key)) {
+        scene.notes.push_back("The comment " + list_of_names({key}) +
+                              " is not known and was not read.");
+      }
       continue;
     }
-    scene.notes.push_back("The comment " + list_of_names({key}) +
-                          " is not known and was not read.");
+    const std::string first = reader.header().comment(key), value = rest_of(text, key);
+    if (value == first) continue;
+    reader.fail(L4D_ERR_CORRUPT,
+                "comment " + key + " is there twice: \"" + first + "\" and \"" + value + "\"");
   }
   from_comments(reader, [&](const TextOf& text_of) { read_stated_placement(text_of, &scene); });
 }
@@ -110,22 +142,25 @@ Scene read_scene(PlyReader& reader, const ImportOptions& options) {
               "SpacetimeGaussians lite and Real-time-4DGS");
 }
 
-namespace {
-
-// Of formats that state no unit of time: milliseconds or frames show nothing in a sequence of
-// seconds.
 void note_far_times(Scene& scene) {
-  if (scene.source == "l4d_ply" || scene.count() == 0) return;
+  if (scene.source == "l4d_ply" || scene.source == "raw" || scene.count() == 0) return;
   const double begin = scene.timeline.time_begin, length = duration(scene.timeline);
   const auto [low, high] = std::minmax_element(scene.mean_t.begin(), scene.mean_t.end());
   const double first = static_cast<double>(*low), last = static_cast<double>(*high);
-  if (!(first < begin - length || last > begin + 2 * length)) return;
+  const auto is_outside = [&](float t) {
+    return static_cast<double>(t) < begin || static_cast<double>(t) > begin + length;
+  };
+  const auto outside = std::count_if(scene.mean_t.begin(), scene.mean_t.end(), is_outside);
+  const bool is_far = first < begin - length || last > begin + 2 * length;
+  if (!is_far && static_cast<size_t>(outside) <= scene.count() / 10) return;
   char text[160];
   std::snprintf(text, sizeof(text),
                 "Gaussians have their middle from %g to %g s; the sequence lasts from %g to %g s.",
                 first, last, begin, begin + length);
   scene.notes.push_back(text);
 }
+
+namespace {
 
 // What any reader makes of the rows: attributes, and positions, times and shapes as double, once
 // more while they are converted.

@@ -34,6 +34,8 @@ bool is_stg_ply(const PlyElement& vertex);
 // Fails with L4D_ERR_FEATURE_UNSUPPORTED if a column says that the Gaussians change over time and
 // no reader takes that column: a scene without it would be another one.
 void refuse_unread_time(const PlyReader& reader);
+// The same of columns that a layout leaves over.
+void refuse_unread_time(const PlyReader& reader, const std::vector<std::string>& left_over);
 // The same for a model whose Gaussians a network moves that lies next to the file.
 void refuse_deformed(const PlyReader& reader);
 
@@ -47,6 +49,9 @@ void set_fps_from_comment(const PlyReader& reader, l4d_timeline& timeline);
 
 // Timeline of a format whose file says nothing about time; notes what was assumed.
 void set_default_timeline(Scene& scene, const ImportOptions& options);
+// Notes times of formats that state no unit of them where they do not fit the sequence: milliseconds
+// or frames show nothing in one of seconds, and times around 0 are half before it.
+void note_far_times(Scene& scene);
 // Placement, rendering and presentation from the l4d_* comments.
 void read_placement(const PlyReader& reader, Scene& scene);
 

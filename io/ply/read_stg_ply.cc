@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <filesystem>
@@ -46,11 +47,16 @@ uint32_t frames_of_arguments(const std::string& path) {
   if (!fs::is_regular_file(file, error)) return 0;
   std::string text(kMost, ' ');
   text.resize(InputFile(file.string()).read(text.data(), text.size()));
-  static constexpr char kKey[] = " duration=";
-  const size_t at = (" " + text).find(kKey);
+  static constexpr char kKey[] = "duration=";
+  const auto is_inside = [&](size_t at) {  // another word
+    return at > 0 &&
+           (text[at - 1] == '_' || std::isalnum(static_cast<unsigned char>(text[at - 1])));
+  };
+  size_t at = text.find(kKey);
+  while (at != std::string::npos && is_inside(at)) at = text.find(kKey, at + 1);
   if (at == std::string::npos) return 0;
   uint32_t frames = 0;
-  const char* begin = text.data() + at + sizeof kKey - 2;
+  const char* begin = text.data() + at + sizeof kKey - 1;
   const auto result = std::from_chars(begin, text.data() + text.size(), frames);
   return result.ec == std::errc() && frames <= L4D_MAX_FRAMES ? frames : 0;
 }

@@ -2,6 +2,7 @@
 // What the rows of foreign files hold beside usual numbers.
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <string>
 
 #include "io/ply/read_ply.h"
@@ -51,6 +52,28 @@ std::string activated_note(const Scene& scene) {
   return "";
 }
 
+// Bytes where logits or coefficients belong.
+void note_bytes(Scene& scene) {
+  constexpr float kMostLogit = 30, kMostColor = 20;
+  const size_t count = scene.count(), stride = 3 * scene.sh_coefficients();
+  const auto note = [&](const char* text, float most) {
+    char line[160];
+    std::snprintf(line, sizeof(line), text, static_cast<double>(most));
+    scene.notes.emplace_back(line);
+  };
+  float most = 0;
+  for (const float o : scene.opacity) most = std::isinf(o) ? most : std::max(most, o);
+  if (most > kMostLogit && are_nearly_all(count, [&](size_t i) { return scene.opacity[i] >= 0; })) {
+    note("Opacities are from 0 to %g, where logits belong: nearly all are opaque.", most);
+  }
+  const auto color = [&](size_t k) { return scene.sh[stride * (k / 3) + k % 3]; };
+  most = 0;
+  for (size_t k = 0; k < 3 * count; ++k) most = std::max(most, color(k));
+  if (most > kMostColor && are_nearly_all(3 * count, [&](size_t k) { return color(k) >= 0; })) {
+    note("Base colours (f_dc) are from 0 to %g, where coefficients belong: most are white.", most);
+  }
+}
+
 void take_activated(const PlyReader& reader, size_t num_scales, Scene& scene) {
   for (size_t i = 0; i < scene.count(); ++i) {
     for (size_t k = 0; k < num_scales; ++k) {
@@ -90,6 +113,7 @@ void settle_rows(const PlyReader& reader, const ImportOptions& options, Scene& s
   } else if (const std::string note = activated_note(scene); !note.empty()) {
     scene.notes.push_back(note);
   }
+  note_bytes(scene);
   size_t infinite = 0;
   for (float& opacity : scene.opacity) {
     if (!std::isinf(opacity)) continue;

@@ -3,6 +3,7 @@
 // scene would lose that without a word.
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <system_error>
 
 #include "io/ply/read_ply.h"
@@ -70,6 +71,16 @@ void refuse_unread_time(const PlyReader& reader) {
               "a model of an unknown kind, whose Gaussians change over time by its columns " +
                   list_of_names(names) + "; " + kNextStep +
                   ", or leave these columns out for a static scene");
+}
+
+void refuse_unread_time(const PlyReader& reader, const std::vector<std::string>& left_over) {
+  std::vector<std::string> names;
+  std::copy_if(left_over.begin(), left_over.end(), std::back_inserter(names), speaks_of_time);
+  if (names.empty()) return;
+  reader.fail(L4D_ERR_FEATURE_UNSUPPORTED, "Gaussians also change over time by the columns " +
+                                               list_of_names(names) +
+                                               ", which this layout does not have; " + kNextStep +
+                                               ", or leave these columns out");
 }
 
 void refuse_deformed(const PlyReader& reader) {

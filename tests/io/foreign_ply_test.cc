@@ -207,6 +207,51 @@ TEST_F(ForeignPlyTest, IntegersUnknownCommentsAndFarTimesAreNamed) {
                        "the sequence lasts from 0 to 1 s"));
 }
 
+// Milliseconds are far from the sequence, and times around 0 half before it.
+TEST_F(ForeignPlyTest, TimesOutsideTheSequenceAreNamed) {
+  std::vector<std::string> names = kStatic;
+  for (const char* name : {"t", "scale_3", "rot_4", "rot_5", "rot_6", "rot_7"})
+    names.push_back(name);
+  for (const double last : {0.5, 1.5}) {
+    std::vector<std::vector<double>> rows;
+    for (int k = 0; k < 20; ++k) {
+      rows.push_back(kRow);
+      rows.back().insert(rows.back().end(), {last - 0.05 * k, -4, 1, 0, 0, 0});
+    }
+    EXPECT_TRUE(has_note(read_scene_ply(write("t.ply", table(names, rows))),
+                         "the sequence lasts from 0 to 1 s"))
+        << last;
+  }
+}
+
+TEST_F(ForeignPlyTest, ColumnsOfTimeThatALayoutLeavesAreRefused) {
+  for (const char* more : {"lifetime", "velocity_0", "keyframe_0"}) {
+    std::vector<std::string> names = kStatic;
+    std::vector<double> row = kRow;
+    for (const char* name : {"t", "scale_t", more}) names.push_back(name);
+    row.insert(row.end(), {0.25, -2, 1});
+    std::string message;
+    EXPECT_EQ(
+        test::status_of([&] { read_scene_ply(write("t.ply", table(names, {row}))); }, &message),
+        L4D_ERR_FEATURE_UNSUPPORTED);
+    EXPECT_NE(message.find(more), std::string::npos) << message;
+  }
+}
+
+TEST_F(ForeignPlyTest, BytesInPlaceOfLogitsAndCoefficientsAreNamed) {
+  std::vector<double> row = kRow;
+  row[3] = row[4] = row[5] = 200;
+  EXPECT_TRUE(has_note(read_scene_ply(write("b.ply", table(kStatic, {row, row}))),
+                       "Base colours (f_dc) are from 0 to 200"));
+  for (size_t k = 0; k < kStatic.size(); ++k) {
+    if (kStatic[k] != "opacity") continue;
+    row = kRow;
+    row[k] = 255;
+    EXPECT_TRUE(has_note(read_scene_ply(write("b.ply", table(kStatic, {row, row}))),
+                         "Opacities are from 0 to 255"));
+  }
+}
+
 TEST_F(ForeignPlyTest, ColoursMayBeRedGreenAndBlue) {
   std::vector<std::string> names = kStatic;
   std::vector<double> row = kRow;
@@ -305,8 +350,13 @@ TEST_F(ForeignPlyTest, SpacetimeModelsHaveTheFramesOfTheirTraining) {
   fs::create_directories(path("m/point_cloud/iteration_3"));
   const std::string file = write("m/point_cloud/iteration_3/point_cloud.ply", table(names, {row}));
   EXPECT_EQ(read_scene_ply(file).timeline.num_frames, 30U);
-  write("m/cfg_args", "Namespace(sh_degree=3, duration=50, loader='colmap')");
-  EXPECT_EQ(read_scene_ply(file).timeline.num_frames, 50U);
+  for (const char* arguments :
+       {"Namespace(sh_degree=3, duration=50, loader='colmap')",
+        "Namespace(max_duration=300, duration=50)", "Namespace(duration=50, sh_degree=3)",
+        "Namespace(\nduration=50)"}) {
+    write("m/cfg_args", arguments);
+    EXPECT_EQ(read_scene_ply(file).timeline.num_frames, 50U) << arguments;
+  }
   EXPECT_EQ(read_scene_ply(file).mean_t[0], static_cast<float>(0.25 * 50 / 30));
 }
 

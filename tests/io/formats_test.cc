@@ -136,10 +136,35 @@ TEST_F(FormatsTest, L4dPlyTimelines) {
   options.fps = 25;
   options.seconds = 2;
   t = timeline("0", "5", "30", options);
-  EXPECT_EQ(t.num_frames, 125U) << "the file states its end";
-  EXPECT_EQ(t.fps_num, 25U);
+  EXPECT_EQ(t.num_frames, 150U) << "the file states its end and rate";
+  EXPECT_EQ(t.fps_num, 30U);
   t = read_scene_ply(write("t.ply", l4d_file(0, 1, {"l4d_ply 1", "fps 30"})), options).timeline;
+  EXPECT_EQ(t.num_frames, 60U);
+  t = read_scene_ply(write("t.ply", l4d_file(0, 1, {"l4d_ply 1"})), options).timeline;
   EXPECT_EQ(t.num_frames, 50U);
+}
+
+TEST_F(FormatsTest, CommentsThatDisagreeAreRefused) {
+  const std::vector<std::pair<std::string, std::string>> kTwice = {
+      {"fps 30", "fps 60"},
+      {"time_end 2", "time_end 9"},
+      {"l4d_scale 1", "l4d_scale 9"},
+      {"l4d_origin 1 2 3", "l4d_origin 4 5 6"},
+      {"l4d_coordinates right_up_back", "l4d_coordinates right_down_forward"}};
+  for (const auto& [a, b] : kTwice) {
+    std::string message;
+    const auto read = [&, a = a, b = b](const std::string& last) {
+      return read_scene_ply(write("t.ply", l4d_file(0, 1, {"l4d_ply 1", a, last})));
+    };
+    EXPECT_EQ(test::status_of([&, b = b] { read(b); }, &message), L4D_ERR_CORRUPT) << a;
+    EXPECT_NE(message.find("is there twice"), std::string::npos) << message;
+    EXPECT_EQ(test::status_of([&, a = a] { read(a); }), L4D_OK) << a;
+  }
+  for (const char* other : {"fps: 60", "FPS 60", "fps=25", "frame_rate 25"}) {
+    const Scene scene = read_scene_ply(write("t.ply", l4d_file(0, 1, {"l4d_ply 1", other})));
+    ASSERT_EQ(scene.notes.size(), 1U) << other;
+    EXPECT_NE(scene.notes[0].find("is not known and was not read"), std::string::npos) << other;
+  }
 }
 
 TEST(FrameRate, DecimalsBecomeTheFractionMeant) {

@@ -126,7 +126,7 @@ TEST_F(SplatvTest, IsTheSceneOfThePly) {
   expect_near(scene.opacity, {0.8F, 0.8F, 0.8F});
   // That of unread normals is the PLY's own.
   EXPECT_EQ(scene.notes, std::vector<std::string>(same.notes.begin() + 1, same.notes.end()));
-  ASSERT_EQ(scene.notes.size(), 2U);
+  ASSERT_EQ(scene.notes.size(), 3U);
 }
 
 TEST_F(SplatvTest, NumbersAtTheEndsOfTheirRange) {
