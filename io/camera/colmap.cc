@@ -3,14 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <map>
 #include <sstream>
 
+#include "io/camera/colmap_source.h"
 #include "io/camera/read_cameras.h"
-#include "io/file/file.h"
 
 // COLMAP's models: cameras, images and points3D as .bin or .txt.
 namespace l4d::io {
@@ -38,101 +36,7 @@ struct Photo {
   std::string name;
 };
 
-// A number of a text, which may be inf or nan: who reads it says whose it is.
-bool take_number(std::istream& words, double* value) {
-  std::string word;
-  if (!(words >> word)) return false;
-  char* end = nullptr;
-  *value = std::strtod(word.c_str(), &end);
-  return end != word.c_str() && *end == 0;
-}
-
-// What is left of a line, without blanks around it.
-std::string rest_of(std::istream& words) {
-  static constexpr char kBlanks[] = " \t\r";
-  std::string text;
-  std::getline(words, text);
-  const size_t begin = text.find_first_not_of(kBlanks);
-  if (begin == std::string::npos) return "";
-  return text.substr(begin, text.find_last_not_of(kBlanks) + 1 - begin);
-}
-
-// Numbers of a binary file, or words of a text: one after the other.
-class Source {
- public:
-  // Counts the file, and what its entries become: no more than kGrowth times its bytes.
-  Source(const std::string& path, const Hold& holder) : place_{path, ""} {
-    is_text_ = fs::path(path).extension() == ".txt";
-    InputFile file(path, holder);
-    memory_ = hold(holder, (1 + kGrowth) * file.size(), path);
-    bytes_.resize(static_cast<size_t>(file.size()));
-    bytes_.resize(file.read(bytes_.data(), bytes_.size()));
-  }
-  bool is_text() const { return is_text_; }
-  const CameraPlace& place() const { return place_; }
-  [[noreturn]] void fail(const std::string& what) const {
-    place_.fail("byte " + std::to_string(at_) + ": " + what);
-  }
-
-  template <typename T>
-  T take() {
-    T value{};
-    if (bytes_.size() - at_ < sizeof(T)) fail("the file ends early");
-    std::memcpy(&value, &bytes_[at_], sizeof(T));
-    at_ += sizeof(T);
-    return value;
-  }
-  // How many entries of at least `least` bytes follow.
-  uint64_t count(size_t least) {
-    const uint64_t n = take<uint64_t>();
-    if (n > (bytes_.size() - at_) / least) fail("the file is too short for its entries");
-    return n;
-  }
-  void skip(uint64_t entries, uint64_t bytes) {
-    if (entries > (bytes_.size() - at_) / bytes) fail("the file ends early");
-    at_ += static_cast<size_t>(entries * bytes);
-  }
-  // Fails where a binary file has more than its entries.
-  void finish() const {
-    if (at_ != bytes_.size()) {
-      fail(std::to_string(bytes_.size() - at_) + " bytes follow the entries that are stated");
-    }
-  }
-  std::string name() {
-    const auto from = bytes_.begin() + static_cast<ptrdiff_t>(at_);
-    const auto end = std::find(from, bytes_.end(), uint8_t{0});
-    if (end == bytes_.end()) fail("a name does not end");
-    std::string text(from, end);
-    at_ += text.size() + 1;
-    return text;
-  }
-  // The next line of a text that is no comment; false at the end. Empty lines count.
-  bool line(std::istringstream* words) {
-    while (at_ < bytes_.size()) {
-      const auto from = bytes_.begin() + static_cast<ptrdiff_t>(at_);
-      const auto end = std::find(from, bytes_.end(), uint8_t{'\n'});
-      const std::string text(from, end);
-      at_ += text.size() + 1;
-      if (!text.empty() && text[0] == '#') continue;
-      words->clear();
-      words->str(text);
-      return true;
-    }
-    at_ = bytes_.size();
-    return false;
-  }
-
- private:
-  CameraPlace place_;
-  static constexpr uint64_t kGrowth = 4;
-
-  bool is_text_ = false;
-  std::shared_ptr<void> memory_;
-  std::vector<uint8_t> bytes_;
-  size_t at_ = 0;
-};
-
-void set_lens(const Source& source, const std::string& model, uint64_t width, uint64_t height,
+void set_lens(const ColmapSource& source, const std::string& model, uint64_t width, uint64_t height,
               const std::vector<double>& p, Lens* lens) {
   lens->camera = default_camera();
   l4d_camera& c = lens->camera;
@@ -165,7 +69,7 @@ void set_lens(const Source& source, const std::string& model, uint64_t width, ui
 }
 
 std::map<uint64_t, Lens> read_lenses(const std::string& path, const Hold& holder) {
-  Source source(path, holder);
+  ColmapSource source(path, holder);
   std::map<uint64_t, Lens> lenses;
   const auto add = [&](uint64_t id, const std::string& model, uint64_t width, uint64_t height,
                        const std::vector<double>& parameters) {
@@ -192,10 +96,13 @@ std::map<uint64_t, Lens> read_lenses(const std::string& path, const Hold& holder
     source.finish();
     return lenses;
   }
-  for (std::istringstream words; source.line(&words);) {
+  for (std::istringstream words; source.entry(&words);) {
     uint64_t id = 0, width = 0, height = 0;
     std::string model;
-    if (!(words >> id >> model >> width >> height)) continue;
+    if (!take_whole(words, &id) || !(words >> model) || !take_whole(words, &width) ||
+        !take_whole(words, &height)) {
+      source.fail("a camera lacks its number, model or size");
+    }
     const auto known = std::find_if(std::begin(kModels), std::end(kModels),
                                     [&](const Model& m) { return model == m.name; });
     if (known == std::end(kModels)) unsupported(model);
@@ -211,46 +118,84 @@ std::map<uint64_t, Lens> read_lenses(const std::string& path, const Hold& holder
   return lenses;
 }
 
-std::vector<Photo> read_images(const std::string& path, const Hold& holder) {
-  Source source(path, holder);
+// Whether what is left of a line is the points that an image shows: x y id for each, where the id
+// of a point without a place in space is -1.
+bool holds_points(std::istream& words) {
+  size_t numbers = 0;
+  for (double value = 0; has_words(words); ++numbers) {
+    if (!take_number(words, &value) || !std::isfinite(value)) return false;
+    if (numbers % 3 == 2 && !(value >= -1 && value == std::floor(value))) return false;
+  }
+  return numbers % 3 == 0;
+}
+
+// An image of a text, which has two lines.
+Photo read_photo(ColmapSource& source, std::istringstream& words) {
+  Photo image;
+  if (!take_whole(words, &image.id)) source.fail("an image lacks its number");
+  bool all = true;
+  for (double& value : image.q) all = take_number(words, &value) && all;
+  for (double& value : image.t) all = take_number(words, &value) && all;
+  if (!all || !take_whole(words, &image.camera)) source.fail("an image lacks numbers");
+  image.name = rest_of(words);
+  if (image.name.empty()) source.fail("an image lacks its name");
+  if (source.line(&words) && !holds_points(words)) {
+    source.fail("the line of points of the image " + image.name +
+                " is missing: an image has two lines, of which the second has x, y and id of each "
+                "point, or is empty");
+  }
+  return image;
+}
+
+Photo read_binary_photo(ColmapSource& source) {
+  Photo image;
+  image.id = source.take<uint32_t>();
+  for (double& value : image.q) value = source.take<double>();
+  for (double& value : image.t) value = source.take<double>();
+  image.camera = source.take<uint32_t>();
+  image.name = source.name();
+  source.skip(source.take<uint64_t>(), 24);
+  return image;
+}
+
+// images: by name.
+void check_unique(const CameraPlace& place, const std::vector<Photo>& images) {
+  const auto same_name =
+      std::adjacent_find(images.begin(), images.end(),
+                         [](const Photo& a, const Photo& b) { return a.name == b.name; });
+  if (same_name != images.end()) place.fail("there are two images " + same_name->name);
+  std::vector<uint64_t> ids;
+  for (const Photo& image : images) ids.push_back(image.id);
+  std::sort(ids.begin(), ids.end());
+  const auto same_id = std::adjacent_find(ids.begin(), ids.end());
+  if (same_id != ids.end()) {
+    place.fail("there are two images of the number " + std::to_string(*same_id));
+  }
+}
+
+// notes: gets one where a comment states another number of images, as of a file that was cut off.
+std::vector<Photo> read_images(const std::string& path, const Hold& holder,
+                               std::vector<std::string>* notes) {
+  ColmapSource source(path, holder);
   std::vector<Photo> images;
   if (!source.is_text()) {
     images.resize(static_cast<size_t>(source.count(73)));
-    for (Photo& image : images) {
-      image.id = source.take<uint32_t>();
-      for (double& value : image.q) value = source.take<double>();
-      for (double& value : image.t) value = source.take<double>();
-      image.camera = source.take<uint32_t>();
-      image.name = source.name();
-      source.skip(source.take<uint64_t>(), 24);
-    }
+    for (Photo& image : images) image = read_binary_photo(source);
     source.finish();
   } else {
-    std::istringstream words;
-    while (source.line(&words)) {
-      Photo image;
-      if (!(words >> image.id)) continue;
-      bool all = true;
-      for (double& value : image.q) all = take_number(words, &value) && all;
-      for (double& value : image.t) all = take_number(words, &value) && all;
-      if (!all || !(words >> image.camera)) source.fail("an image lacks numbers");
-      image.name = rest_of(words);
-      if (image.name.empty()) source.fail("an image lacks its name");
-      // The points that it shows.
-      if (source.line(&words)) {
-        size_t numbers = 0;
-        for (double value = 0; take_number(words, &value);) ++numbers;
-        if (!words.eof() || numbers % 3 != 0) {
-          source.fail("the line behind that of " + image.name +
-                      " holds no points: an image has two lines, of which the second may be empty");
-        }
-      }
-      images.push_back(std::move(image));
+    for (std::istringstream words; source.entry(&words);) {
+      images.push_back(read_photo(source, words));
+    }
+    const std::optional<uint64_t> stated = source.stated_images();
+    if (stated && *stated != images.size()) {
+      notes->push_back(fs::path(path).filename().string() + " states " + std::to_string(*stated) +
+                       " images, and has " + std::to_string(images.size()) + ".");
     }
   }
   // By name, as videos are; COLMAP has them in any order.
   std::sort(images.begin(), images.end(),
             [](const Photo& a, const Photo& b) { return a.name < b.name; });
+  check_unique(source.place(), images);
   return images;
 }
 
@@ -294,7 +239,7 @@ CameraSet read_colmap_cameras(const std::string& model, std::vector<std::string>
   CameraSet set;
   set.source = "colmap";
   const std::string images = file_of(model, "images");
-  for (const Photo& image : read_images(images, holder)) {
+  for (const Photo& image : read_images(images, holder, &set.notes)) {
     const CameraPlace place{images, "image " + image.name};
     const auto lens = lenses.find(image.camera);
     if (lens == lenses.end()) place.fail("its camera is not there");
@@ -315,7 +260,7 @@ std::vector<ColmapPoint> read_colmap_points(const std::string& model, const Hold
   const std::string path = file_of(model, "points3D");
   std::error_code error;
   if (!fs::exists(path, error)) return points;
-  Source source(path, holder);
+  ColmapSource source(path, holder);
   const auto add = [&](const double* xyz, const unsigned* rgb) {
     ColmapPoint p{};
     for (size_t c = 0; c < 3; ++c) {
@@ -340,9 +285,9 @@ std::vector<ColmapPoint> read_colmap_points(const std::string& model, const Hold
     source.finish();
     return points;
   }
-  for (std::istringstream words; source.line(&words);) {
+  for (std::istringstream words; source.entry(&words);) {
     uint64_t id = 0;
-    if (!(words >> id)) continue;
+    if (!take_whole(words, &id)) source.fail("a point lacks its number");
     for (double& value : xyz) words >> value;
     for (unsigned& value : rgb) words >> value;
     if (!words) source.fail("a point lacks numbers");

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "io/camera/colmap.h"
 #include "io/image/image.h"
 #include "tests/common/files.h"
 #include "tests/io/camera_files.h"
@@ -260,50 +259,6 @@ TEST_F(CamerasTest, ListsOfImagesThatDoNotFitAreNamed) {
   ASSERT_EQ(set.notes.size(), 2U);
   EXPECT_NE(set.notes[0].find("that no frame has: r_001.jpg."), std::string::npos) << set.notes[0];
   EXPECT_NE(set.notes[1].find("tests has: 1."), std::string::npos) << set.notes[1];
-}
-
-// COLMAP's lists have two lines for an image, of which names may have blanks.
-TEST_F(CamerasTest, ListsOfColmapAreReadWholeOrRefused) {
-  const std::string lens = "1 PINHOLE 40 30 30 31 20 15\n";
-  const std::string a = "1 1 0 0 0 0.5 0 2 1 cam 2.jpg\n", b = "2 1 0 0 0 0 0 2 1 cam 1.jpg\r\n";
-  const auto read = [&](const std::string& cameras, const std::string& images) {
-    write("cameras.txt", cameras);
-    write("images.txt", images);
-    return read_cameras(path("")).cameras.size();
-  };
-  EXPECT_EQ(read(lens, a + "1 2 3\n" + b), 2U);
-  std::vector<std::string> names;
-  read_colmap_cameras(path(""), &names, {});
-  EXPECT_EQ(names, (std::vector<std::string>{"cam 1.jpg", "cam 2.jpg"}));
-  const struct {
-    std::string cameras, images;
-    const char* message;
-  } cases[] = {{lens, a + b, "holds no points"},
-               {lens, a + "1 2\n", "holds no points"},
-               {lens + lens, a, "two cameras 1"},
-               {"1 PINHOLE 40 30 30 31 20 15 9\n", a, "more parameters than PINHOLE"},
-               {lens, "1 1 0 0 0 0.5 0 2 1 \n", "lacks its name"}};
-  for (const auto& c : cases) {
-    std::string message;
-    EXPECT_EQ(test::status_of([&] { read(c.cameras, c.images); }, &message), L4D_ERR_CORRUPT);
-    EXPECT_NE(message.find(c.message), std::string::npos) << message;
-  }
-}
-
-TEST_F(CamerasTest, ListOf3dgs) {
-  // right, down and forward are the columns of the rotation
-  const std::string text = R"([{"id": 0, "img_name": "a", "width": 640, "height": 480,
-   "position": [5, 0, 0], "rotation": [[0, 0, -1], [1, 0, 0], [0, -1, 0]], "fy": 400, "fx": 500}])";
-  const CameraSet set = read_cameras(write("cameras.json", text));
-  EXPECT_EQ(set.source, "3dgs_cameras");
-  EXPECT_EQ(set.frames, 0U);  // cameras at rest, for any instant
-  ASSERT_EQ(set.cameras.size(), 1U);
-  test::expect_pixel(set.cameras[0].camera, 320 + 500 * 0.4 / 4, 240 - 400 * 0.6 / 4);
-  std::string message;
-  const std::string two = test::replaced(text, "[5, 0, 0]", "[5, 0]");
-  EXPECT_EQ(status("cameras.json", two, &message), L4D_ERR_CORRUPT);
-  EXPECT_NE(message.find("entry 0: position is not a list of 3 numbers"), std::string::npos)
-      << message;
 }
 
 TEST_F(CamerasTest, TransformsFindNamesWithDots) {
