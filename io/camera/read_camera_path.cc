@@ -3,12 +3,26 @@
 #include <nlohmann/json.hpp>
 
 #include "io/camera/read_cameras.h"
+#include "io/camera/unknown_keys.h"
 
 namespace l4d::io {
 namespace {
 
 using Json = nlohmann::json;
 constexpr double kHalfTurn = 3.14159265358979323846;  // radians
+
+// What is read, and what changes nothing here: cameras are there for each frame already.
+constexpr const char* kRootKeys[] = {
+    "camera_type", "render_width",           "render_height",    "fps",       "camera_path",
+    "default_fov", "default_transition_sec", "smoothness_value", "keyframes", "is_cycle",
+    "seconds"};
+constexpr const char* kCameraKeys[] = {"camera_to_world", "fov", "aspect"};
+
+// Whether a camera is of another shape than the images, whose size the path states.
+bool has_other_aspect(const CameraPlace& place, const Json& object, const l4d_camera& camera) {
+  const double own = static_cast<double>(camera.width) / static_cast<double>(camera.height);
+  return !(std::abs(number_or(place, object, "aspect", own) / own - 1) <= 0.01);
+}
 
 }  // namespace
 
@@ -29,17 +43,13 @@ CameraSet read_camera_path(const std::string& path, const Json& root) {
   if (!(set.fps >= 0 && set.fps <= kMaxFps)) file.fail("fps is not from 0 to 1000000");
   const Json& cameras = member(file, root, "camera_path");
   if (!cameras.is_array()) file.fail("camera_path is not a list");
+  UnknownKeys unknown(&set);
+  unknown.look(root, kRootKeys, "the file");
+  size_t with_other_aspect = 0;
   for (size_t k = 0; k < cameras.size(); ++k) {
     const CameraPlace place{path, "entry " + std::to_string(k) + " of camera_path"};
-    double c2w[16], axes[9], center[3];
+    double c2w[16];
     numbers(place, cameras[k], "camera_to_world", 16, c2w);
-    check_last_row(place, "camera_to_world", c2w + 12);
-    for (size_t r = 0; r < 3; ++r) {
-      axes[3 * r] = c2w[4 * r];
-      axes[3 * r + 1] = -c2w[4 * r + 1];
-      axes[3 * r + 2] = -c2w[4 * r + 2];
-      center[r] = c2w[4 * r + 3];
-    }
     const double fov = number(place, cameras[k], "fov");
     if (!(fov > 0 && fov < 180)) place.fail("fov is no angle between 0 and 180 degrees");
     Camera camera;
@@ -50,9 +60,16 @@ CameraSet read_camera_path(const std::string& path, const Json& root) {
     c.fx = c.fy = 0.5 * static_cast<double>(height) / std::tan(fov * kHalfTurn / 360);
     c.cx = 0.5 * static_cast<double>(width);
     c.cy = 0.5 * static_cast<double>(height);
-    set_pose(c, axes, center);
+    set_opengl_pose(place, "camera_to_world", c2w, c);
     check_camera(place, camera);
+    if (has_other_aspect(place, cameras[k], c)) ++with_other_aspect;
+    unknown.look(cameras[k], kCameraKeys, place.camera);
     set.cameras.push_back(std::move(camera));
+  }
+  if (with_other_aspect > 0) {
+    set.notes.push_back(
+        "Cameras whose aspect differs from render_width / render_height, which is taken: " +
+        std::to_string(with_other_aspect) + ".");
   }
   return set;
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <new>
 #include <nlohmann/json.hpp>
 
@@ -143,6 +144,14 @@ void matrix(const CameraPlace& place, const Json& object, const char* key, size_
              std::to_string(columns) + " numbers");
 }
 
+int take_id(CameraPlace& place, const Json& object, std::unordered_set<int>* ids) {
+  const int id = static_cast<int>(
+      whole_number(place, object, "id", static_cast<uint32_t>(std::numeric_limits<int>::max())));
+  place.camera = "camera " + std::to_string(id);
+  if (!ids->insert(id).second) place.fail("the id is there twice");
+  return id;
+}
+
 l4d_camera default_camera() {
   l4d_camera camera{};
   camera.struct_size = sizeof(camera);
@@ -159,6 +168,19 @@ void set_pose(l4d_camera& camera, const double* axes, const double* center) {
       row[3] -= row[c] * center[c];
     }
   }
+}
+
+void set_opengl_pose(const CameraPlace& place, const char* key, const double* c2w,
+                     l4d_camera& camera) {
+  check_last_row(place, key, c2w + 12);
+  double axes[9], center[3];
+  for (size_t r = 0; r < 3; ++r) {
+    axes[3 * r] = c2w[4 * r];
+    axes[3 * r + 1] = -c2w[4 * r + 1];
+    axes[3 * r + 2] = -c2w[4 * r + 2];
+    center[r] = c2w[4 * r + 3];
+  }
+  set_pose(camera, axes, center);
 }
 
 void check_last_row(const CameraPlace& place, const char* key, const double* row) {

@@ -5,6 +5,7 @@
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <unordered_set>
 
 #include "io/camera/cameras.h"
 #include "io/file/file.h"
@@ -55,11 +56,19 @@ void numbers(const CameraPlace& place, const nlohmann::json& object, const char*
 void matrix(const CameraPlace& place, const nlohmann::json& object, const char* key, size_t rows,
             size_t columns, double* out);
 
+// The id of a camera, by which the place is named from then on. ids: those of the cameras before
+// it, none of which it may have.
+int take_id(CameraPlace& place, const nlohmann::json& object, std::unordered_set<int>* ids);
+
 // All of l4d_camera but the numbers of the model.
 l4d_camera default_camera();
 // World to camera from axes and centre of the camera: columns x right, y down, z forward of
 // `axes`, [3, 3] row-major.
 void set_pose(l4d_camera& camera, const double* axes, const double* center);
+// The same from `key`: camera to world, [4, 4] row-major, with x right, y up, z back as OpenGL has
+// them.
+void set_opengl_pose(const CameraPlace& place, const char* key, const double* c2w,
+                     l4d_camera& camera);
 void check_last_row(const CameraPlace& place, const char* key, const double* row);
 // Throws unless all numbers are finite and in the ranges of read_cameras(), and the rotation is
 // one.

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <nlohmann/json.hpp>
-#include <set>
 #include <string>
 #include <unordered_set>
 
@@ -98,10 +96,7 @@ CameraSet read_cameras_json(const std::string& path, const Json& root) {
     const Json& object = cameras[i];
     CameraPlace place{path, "entry " + std::to_string(i) + " of cameras"};
     Camera camera;
-    camera.id = static_cast<int>(
-        whole_number(place, object, "id", static_cast<uint32_t>(std::numeric_limits<int>::max())));
-    place.camera = "camera " + std::to_string(camera.id);
-    if (!ids.insert(camera.id).second) place.fail("the id is there twice");
+    camera.id = take_id(place, object, &ids);
     unknown.look(object, kCameraKeys, place.camera);
 
     camera.split = text_or(place, object, "split", "");

@@ -63,21 +63,6 @@ std::optional<double> focal_length(const CameraPlace& place, const Json& frame, 
   return 0.5 * static_cast<double>(size) / std::tan(0.5 * angle);
 }
 
-// The matrix is camera to world with x right, y up, z back.
-void set_opengl_pose(const CameraPlace& place, const Json& frame, l4d_camera& camera) {
-  double c2w[16];
-  matrix(place, frame, "transform_matrix", 4, 4, c2w);
-  check_last_row(place, "transform_matrix", c2w + 12);
-  double axes[9], center[3];
-  for (size_t r = 0; r < 3; ++r) {
-    axes[3 * r] = c2w[4 * r];
-    axes[3 * r + 1] = -c2w[4 * r + 1];
-    axes[3 * r + 2] = -c2w[4 * r + 2];
-    center[r] = c2w[4 * r + 3];
-  }
-  set_pose(camera, axes, center);
-}
-
 enum class Lens { kPinhole, kRational, kFisheye };
 // By the names of nerfstudio and COLMAP. A pinhole may have k1 to k3, p1 and p2.
 struct Model {
@@ -229,7 +214,9 @@ class TransformsReader {
     camera.cy = number_or(place, owner_of(frame, root_, "cy"), "cy", height / 2);
     compare_angles(frame, camera);
     out.distortion = distortion_of(place, frame);
-    set_opengl_pose(place, frame, camera);
+    double c2w[16];
+    matrix(place, frame, "transform_matrix", 4, 4, c2w);
+    set_opengl_pose(place, "transform_matrix", c2w, camera);
     check_camera(place, out);
     return out;
   }

@@ -14,7 +14,7 @@ namespace l4d::io {
 
 // Names in notes what a file of cameras says and no reader takes. A key that is misspelt would
 // otherwise leave its camera without what it says. Each key is named once, with the first camera
-// that has it.
+// that has it. One of null says nothing.
 class UnknownKeys {
  public:
   explicit UnknownKeys(CameraSet* set) : set_(set) {}
@@ -24,6 +24,7 @@ class UnknownKeys {
     for (const auto& item : object.items()) {
       const std::string& key = item.key();
       if (std::find(std::begin(known), std::end(known), key) != std::end(known)) continue;
+      if (item.value().is_null()) continue;
       if (named_.size() == kMaxNamed || !named_.insert(key).second) continue;
       set_->notes.push_back("The key \"" + printable(key) + "\" of " + owner +
                             " is not known, and is ignored.");
