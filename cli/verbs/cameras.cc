@@ -176,14 +176,16 @@ void add_cameras(Registry& registry) {
                    "N cameras around the scene; the first and every 8th after it are for tests")
       ->type_name("N")
       ->whole_number(1, 100000);
-  verb->add_option("--grid", arguments->grid,
-                   "Columns x rows of cameras around the first view, as rigs have them, all\n"
-                   "looking at what it looks at; that in the middle is for tests")
-      ->type_name("CxR");
+  Option* grid =
+      verb->add_option("--grid", arguments->grid,
+                       "Columns x rows of cameras around the first view, as rigs have them, all\n"
+                       "looking at what it looks at; that in the middle is for tests")
+          ->type_name("CxR");
   verb->add_option("--spread", arguments->spread,
                    "Width of the grid, in units of the distance to what it looks at")
       ->type_name("X")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->needs(grid);
   verb->add_option("--size", arguments->size, "Image size of made-up cameras (default: 640x360)")
       ->type_name("WxH");
   add_import_options(verb, arguments->import);

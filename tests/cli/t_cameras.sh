@@ -105,6 +105,7 @@ for wrong in 's/"perspective"/"equirectangular"/ 5' 's/"fov": 90/"fov": 190/ 4' 
 done
 
 # Careless hands.
+expect 2 cameras s.ply --orbit 3 --spread 2 -o x.json
 expect 2 cameras -o x.json
 expect 2 cameras s.ply -o x.json
 expect 2 cameras --orbit 3 -o x.json
