@@ -36,6 +36,18 @@ void rotation_of(const double* r, double* out) {
   }
 }
 
+// What states a rotation twice must mean one. Matrices of programs have four digits and more.
+void compare_rotations(const CameraPlace& place, const std::string& name, const double* matrix,
+                       const double* vector) {
+  constexpr double kMost = 1e-3;
+  double of_vector[9], apart = 0;
+  rotation_of(vector, of_vector);
+  for (size_t k = 0; k < 9; ++k) apart = std::max(apart, std::abs(matrix[k] - of_vector[k]));
+  if (apart <= kMost) return;
+  place.fail("Rot_" + name + " and R_" + name + " are different rotations: their matrices are " +
+             io::decimal(apart) + " apart");
+}
+
 class SelfcapReader {
  public:
   SelfcapReader(const std::string& folder, const io::Hold& holder)
@@ -88,6 +100,7 @@ class SelfcapReader {
       place.fail("Rot_" + name + " or R_" + name + ", and T_" + name + " are missing");
     }
     if (matrix != nullptr) {
+      if (vector != nullptr) compare_rotations(place, name, matrix->data(), vector->data());
       std::copy_n(matrix->begin(), 9, rotation);
     } else {
       rotation_of(vector->data(), rotation);
@@ -191,7 +204,8 @@ class SelfcapReader {
 }  // namespace
 
 Capture read_selfcap_capture(const std::string& folder, const CaptureOptions& options) {
-  Capture capture = make_video_capture(folder, SelfcapReader(folder, options.holder).read(), options);
+  Capture capture =
+      make_video_capture(folder, SelfcapReader(folder, options.holder).read(), options);
   capture.layout = "selfcap";
   return capture;
 }

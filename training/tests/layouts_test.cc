@@ -669,6 +669,24 @@ TEST(Layouts, SelfcapIsReadAsItIsOrRefused) {
   expect_error(folder / "s", L4D_ERR_FEATURE_UNSUPPORTED, "K_cam00: a skew");
 }
 
+TEST(Layouts, SelfcapMayStateOneRotationTwiceButNotTwo) {
+  const Truth truth;
+  const test::Folder folder;
+  write_selfcap(truth, folder / "s");
+  const std::string whole = test::bytes_of(folder / "s/extri.yml");
+  const std::string matrix = yaml_matrix("Rot_cam02", {0, -1, 0, 1, 0, 0, 0, 0, 1}, 3);
+  const auto turn_by = [&](double angle) {
+    std::string text = whole;
+    text.replace(text.find("Rot_cam02"), text.find("T_cam02") - text.find("Rot_cam02"), matrix);
+    write_text(folder / "s/extri.yml", text + yaml_matrix("R_cam02", {0, 0, angle}, 3));
+  };
+  turn_by(1.5708);  // a quarter
+  EXPECT_EQ(read_capture(folder / "s", {}).cameras[2].source.camera.world_to_camera[4], 1);
+  turn_by(1.5723);
+  expect_error(folder / "s", L4D_ERR_CORRUPT,
+               "camera cam02: Rot_cam02 and R_cam02 are different rotations");
+}
+
 TEST(Layouts, WrongSelfcapAndHypernerf) {
   const Truth truth;
   const test::Folder folder;
