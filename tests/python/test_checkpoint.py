@@ -3,8 +3,10 @@
 
 import collections
 import io
+import os
 import pathlib
 import pickle
+import re
 import sys
 import types
 import zipfile
@@ -44,6 +46,15 @@ def gsplat_of(path: pathlib.Path) -> Arrays:
     return {"means": np.stack([rows[axis] for axis in "xyz"], axis=1), "opacities": rows["opacity"].copy(),
             "quats": columns("rot_"), "scales": columns("scale_"), "sh0": columns("f_dc_")[:, None],
             "shN": np.ascontiguousarray(columns("f_rest_").reshape(count, 3, -1).transpose(0, 2, 1))}
+
+
+def tiny(first: int = 0) -> Arrays:
+    """Four Gaussians of gsplat, the first of which is at x = first."""
+    means = np.zeros((4, 3), np.float32)
+    means[:, 0] = np.arange(first, first + 4)
+    return {"means": means, "opacities": np.zeros(4, np.float32), "quats": np.eye(4, dtype=np.float32),
+            "scales": np.full((4, 3), -2, np.float32), "sh0": np.zeros((4, 1, 3), np.float32),
+            "shN": np.zeros((4, 3, 3), np.float32)}
 
 
 def splatfacto_of(splats: Arrays) -> Arrays:
@@ -97,7 +108,10 @@ def test_a_list_is_a_sequence(frames: List[pathlib.Path], tmp_path: pathlib.Path
 def test_what_is_wrong_is_named(frames: List[pathlib.Path], tmp_path: pathlib.Path) -> None:
     splats = gsplat_of(frames[0])
     for change, message in (({"quats": splats["quats"][:-1]}, "`quats` is"), ({"scales": None}, "`scales` is"),
-                            ({"shN": splats["shN"][:, :4]}, "spherical harmonics")):
+                            ({"shN": splats["shN"][:, :4]}, "`shN`, the spherical harmonics, is"),
+                            ({"sh0": splats["sh0"].T}, r"`sh0` is \[3, 1, \d+\]; (\d+) Gaussians need \[\1, 1, 3\]"),
+                            ({"means": splats["means"].T}, r"`means` is \[3, \d+\]; it must be \[N, 3\]"),
+                            ({"means": None}, r"`means` is \[\]"), ({"quats": "x"}, "`quats` is no array")):
         with pytest.raises(l4d.Error, match=message):
             l4d.read_checkpoint({**splats, **change})
     with pytest.raises(l4d.Error, match="from a network"):
@@ -112,6 +126,58 @@ def test_what_is_wrong_is_named(frames: List[pathlib.Path], tmp_path: pathlib.Pa
         l4d.read_checkpoint(tmp_path / "other.zip")
     with pytest.raises(FileNotFoundError):
         l4d.read_checkpoint(tmp_path / "absent.pt")
+
+
+def words_of_time() -> List[str]:
+    """Those by which the reader of PLYs knows a column about time."""
+    source = pathlib.Path(os.environ["L4D_SOURCE"], "io", "ply", "unread_time.cc").read_text()
+    body = source[source.index("bool speaks_of_time"):source.index("std::transform")]
+    return re.findall(r'"(\w+)"', body)
+
+
+@pytest.mark.parametrize("key", [*words_of_time(), "times", "durations", "velocities", "ts", "scales_t", "quats_r", "_t",
+                                 "Motion_coeffs", "mean_time", "deformation"])
+def test_what_is_about_time_is_refused(key: str) -> None:
+    splats = tiny()
+    named = rf"\b{key}(, [\w.]+)*: a static scene without them would be another scene"
+    given = splatfacto_of(splats)
+    given["pipeline"][f"_model.gauss_params.{key}"] = np.zeros((4, 1))
+    beside = splatfacto_of(splats)
+    beside["pipeline"][f"_model.{key}.weight"] = np.zeros((64, 64))
+    contents: List[Arrays] = [{**splats, key: np.zeros((4, 3))}, {"splats": {**splats, key: np.zeros(1)}}, given,
+                              {"splats": splats, key: {"weight": np.zeros((64, 64))}}]
+    for content in contents:
+        with pytest.raises(l4d.Error, match=named) as caught:
+            l4d.read_checkpoint(content)
+        assert caught.value.status == l4d.Status.FEATURE_UNSUPPORTED
+    with pytest.raises(l4d.Error, match=rf"keys _model\.{key}\.weight: a static scene"):
+        l4d.read_checkpoint(beside)
+
+
+def test_what_else_is_not_read_is_noted() -> None:
+    splats, other = tiny(), splatfacto_of(tiny())
+    features = {"features": np.zeros((4, 32)), "radii": np.zeros(4)}
+    note = "2 of 8 properties were not read: features, radii."
+    assert note in l4d.read_checkpoint({"splats": {**splats, **features}, "step": 1, "time": 3.5}).notes
+    other["pipeline"].update({f"_model.gauss_params.{key}": array for key, array in features.items()})
+    other["pipeline"].update({"_model.lpips.net.weight": np.zeros(9), "datamanager.time_cameras": np.zeros(9)})
+    with pytest.warns(UserWarning, match=note):
+        assert note in l4d.read_checkpoint(other).notes
+    # The first of splatfacto had no gauss_params.
+    old = {key.replace("gauss_params.", ""): value for key, value in other["pipeline"].items()}
+    assert note in l4d.read_checkpoint({"pipeline": {**old, "_model.background": np.zeros(3)}}).notes
+    notes = l4d.read_checkpoint([splats, {**splats, "radii": np.zeros(4)}, {**splats, "radii": np.ones(4)}]).notes
+    assert "In 2 of 3 frames, first in frame 000001.ply: 1 of 7 properties were not read: radii." in notes
+
+
+def test_several_models_are_refused() -> None:
+    one = splatfacto_of(tiny())["pipeline"]
+    both = {key.replace("gauss_params", f"all_models.{name}.gauss_params"): value
+            for name in ("bg", "obj1") for key, value in one.items()}
+    with pytest.raises(l4d.Error, match=r"2 models.*all_models\.bg\.gauss_params\.\*, .*\.obj1\.gauss_params\.\*"):
+        l4d.read_checkpoint({"pipeline": both})
+    # One of them alone is a scene.
+    assert len(l4d.read_checkpoint({"pipeline": {key: value for key, value in both.items() if "obj1" in key}})) == 4
 
 
 # ---- files ---------------------------------------------------------------------------------------------------
@@ -167,20 +233,54 @@ def save(path: pathlib.Path, content: Any, storages: List[Storage]) -> None:
             archive.writestr(f"archive/data/{storage.key}", storage.data)
 
 
-def test_files_are_read_without_torch(frames: List[pathlib.Path], tmp_path: pathlib.Path,
-                                      torch_names: Dict[str, Any]) -> None:
-    splats, tensors = gsplat_of(frames[1]), {}
+def save_gsplat(path: pathlib.Path, splats: Arrays, torch_names: Dict[str, Any]) -> None:
+    """Writes what gsplat's trainer writes."""
+    tensors: Arrays = {}
     storages: List[Storage] = []
     for name, array in splats.items():
         storages.append(Storage(str(len(storages)), torch_names["FloatStorage"], array.astype("<f4").tobytes()))
         strides = [step // 4 for step in np.ascontiguousarray(array).strides]
         tensors[name] = Tensor(storages[-1], 0, array.shape, strides)
-    save(tmp_path / "ckpt.pt", {"step": 6999, "splats": collections.OrderedDict(tensors)}, storages)
+    save(path, {"step": 6999, "splats": collections.OrderedDict(tensors)}, storages)
+
+
+def test_files_are_read_without_torch(frames: List[pathlib.Path], tmp_path: pathlib.Path,
+                                      torch_names: Dict[str, Any]) -> None:
+    save_gsplat(tmp_path / "ckpt.pt", gsplat_of(frames[1]), torch_names)
     same(l4d.read_checkpoint(tmp_path / "ckpt.pt"), l4d.read(frames[1]))
     ones = Storage("0", torch_names["BFloat16Storage"], b"\x80\x3f\x00\xc0\x40\x3f")
     save(tmp_path / "half.pt", [Tensor(ones, 0, (3,), (1,)), Tensor(ones, 1, (2, 1), (1, 5))], [ones])
     file = TorchFile(tmp_path / "half.pt")
     assert [file.array(tensor).tolist() for tensor in file.content] == [[1, -2, 0.75], [[-2], [0.75]]]
+
+
+def test_ranks_of_a_step_are_one_scene(tmp_path: pathlib.Path, torch_names: Dict[str, Any]) -> None:
+    def path(step: int, rank: int) -> pathlib.Path:
+        return tmp_path / f"ckpt_{step}_rank{rank}.pt"
+
+    for step in (6999, 29999):
+        for rank in range(2):
+            save_gsplat(path(step, rank), tiny(4 * rank), torch_names)
+    note = "The Gaussians of 2 ranks of one step were joined."
+    for rank in range(2):
+        scene = l4d.read_checkpoint(path(29999, rank), seconds=2)
+        assert scene.position[:, 0].tolist() == list(range(8)) and note in scene.notes
+    # In a list they are one frame; other steps, and a rank that comes again, are others.
+    a, b = path(6999, 0), path(29999, 0)
+    for listed, count in (([a], 1), ([a, path(6999, 1)], 1), ([b, a, path(6999, 1), path(29999, 1)], 2), ([a, b, a], 3)):
+        scene = l4d.read_checkpoint(listed, match="order")
+        assert (scene.timeline.num_frames, len(scene)) == (count, 8)
+        assert f"In {count} of {count} frames, first in frame 000000.ply: {note}" in scene.notes
+    save_gsplat(path(29999, 3), tiny(), torch_names)
+    with pytest.raises(l4d.Error, match="ckpt_29999_rank2.pt is not beside it; the ranks 0 to 3 have one scene"):
+        l4d.read_checkpoint(path(29999, 0))
+    with pytest.raises(FileNotFoundError, match="rank7"):
+        l4d.read_checkpoint([path(6999, 7)])
+    save_gsplat(path(29999, 2), {**tiny(), "shN": np.zeros((4, 0, 3))}, torch_names)
+    with pytest.raises(l4d.Error, match="rank2.pt: spherical harmonics of another degree than .*rank0.pt"):
+        l4d.read_checkpoint(path(29999, 0))
+    path(1, 0).write_bytes(path(6999, 0).read_bytes())
+    assert len(l4d.read_checkpoint(path(1, 0))) == 4  # alone it is a whole scene
 
 
 def test_damaged_files_are_refused(tmp_path: pathlib.Path, torch_names: Dict[str, Any]) -> None:
