@@ -25,11 +25,13 @@ def wrong_value(name: str, value: object, wanted: str) -> Exception:
     return ArgumentError(f"`{name}` is {reprlib.repr(value)}; it must be {wanted}")
 
 
-def number(name: str, value: Any, *, least: float = -math.inf, above: float = -math.inf) -> float:
-    """A finite number that is at least `least`, and above `above`."""
+def number(name: str, value: Any, *, least: float = -math.inf, above: float = -math.inf, most: float = math.inf) -> float:
+    """A finite number that is at least `least`, above `above`, and at most `most`."""
     wanted = "a number"
     if least > -math.inf or above > -math.inf:
         wanted += f" of at least {least:g}" if least > -math.inf else f" above {above:g}"
+    if most < math.inf:
+        wanted += f" and at most {most:.10g}"
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (numbers.Real, np.ndarray)) or (
             isinstance(value, np.ndarray) and (value.ndim > 0 or value.dtype.kind not in "iuf")):
         raise wrong_type(name, value, wanted)
@@ -37,7 +39,7 @@ def number(name: str, value: Any, *, least: float = -math.inf, above: float = -m
         out = float(value)
     except OverflowError:
         out = math.inf
-    if not (math.isfinite(out) and out >= least and out > above):
+    if not (math.isfinite(out) and out >= least and out > above and out <= most):
         raise wrong_value(name, value, wanted)
     return out
 

@@ -5,6 +5,8 @@ import collections
 import dataclasses
 import functools
 import io
+import math
+import numbers
 import os
 import warnings
 from fractions import Fraction
@@ -20,15 +22,20 @@ from .core import (ArgumentError, Call, Floats, Path, Record, Source, array_of, 
 
 @dataclasses.dataclass(frozen=True)
 class Timeline:
-    """The time span of a scene. Frame k begins at time_begin + k / fps, in seconds."""
+    """The time span of a scene. Frame k begins at time_begin + k / fps, in seconds. An fps of 29.97 is 30000/1001, as
+    everywhere; Fraction(2997, 100) is what it says."""
 
     num_frames: int
-    fps: Union[int, float, Fraction] = 30
+    fps: Union[int, float, Fraction, "np.floating[Any]"] = 30
     time_begin: float = 0.0
 
     def _rate(self) -> Fraction:
-        given.number("timeline.fps", float(self.fps) if isinstance(self.fps, Fraction) else self.fps, above=0)
-        return Fraction(self.fps)
+        # As it is, where a file has place for it.
+        if isinstance(self.fps, numbers.Rational) and not isinstance(self.fps, bool):
+            exact = Fraction(int(self.fps.numerator), int(self.fps.denominator))
+            if 0 < exact.numerator < 2**32 and exact.denominator < 2**32:
+                return exact
+        return _meant_by(given.number("timeline.fps", self.fps, least=1e-9, most=1e6))
 
     @property
     def duration(self) -> float:
@@ -44,10 +51,28 @@ class Timeline:
         return Timeline(timeline.num_frames, Fraction(timeline.fps_num, timeline.fps_den), timeline.time_begin)
 
     def to_c(self, timeline: Any) -> None:
-        fps = self._rate().limit_denominator(1 << 20)
+        fps = self._rate()
         timeline.time_begin = given.number("timeline.time_begin", self.time_begin)
         timeline.num_frames = given.whole("timeline.num_frames", self.num_frames)
         timeline.fps_num, timeline.fps_den = fps.numerator, fps.denominator
+
+
+def _meant_by(fps: float) -> Fraction:
+    """The frame rate that a decimal means, as set_fps in io/scene/scene.cc finds it."""
+    ntsc = round(fps * 1.001)
+    if fps != round(fps) and abs(fps * 1.001 - ntsc) <= 5e-6 * ntsc:
+        return Fraction(ntsc * 1000, 1001)
+    x, now, last = fps, (1, 0), (0, 1)  # convergents of its continued fraction
+    for _ in range(32):
+        whole = math.floor(x)
+        following = whole * now[0] + last[0], whole * now[1] + last[1]
+        if max(following) >= 2**32:
+            break
+        now, last = following, now
+        if abs(now[0] / now[1] - fps) <= 1e-12 * fps or x == whole:
+            break
+        x = 1 / (x - whole)
+    return Fraction(*now)
 
 
 @dataclasses.dataclass(eq=False)

@@ -3,6 +3,7 @@
 
 import dataclasses
 import pathlib
+from fractions import Fraction
 from typing import Any, Callable, Dict, List, Tuple
 
 import numpy as np
@@ -108,6 +109,9 @@ def test_fields_and_items_are_named(folder: pathlib.Path) -> None:
         (lambda: scene_with(placement={"scal": 1}), r"`placement` has no field `scal`; it has origin, scale, "),
         (lambda: scene_with(placement={"origin": 1}), r"`placement\.origin` is 1 \(int\); it must be 3 numbers"),
         (lambda: scene_with(placement={"scale": "x"}), r"`placement\.scale` is 'x' \(str\); it must be a number"),
+        (lambda: l4d.Timeline(30, 10**30).duration, r"`timeline\.fps` is 10+.*; it must be a number .* at most 1000000"),
+        (lambda: l4d.Timeline(30, np.float32(2e6)).duration, r"`timeline\.fps` is 2000000\.0; .* at most 1000000"),
+        (lambda: l4d.Timeline(30, Fraction(1, 10**30)).duration, r"`timeline\.fps` is Fraction\(1, .*; .* of at least 1e-09"),
         (lambda: scene_with(rendering={"compensation": -1}), r"`rendering\.compensation` is -1; .* from 0 to 4294967295"),
         (lambda: encode(parameters={"effort": None}), r"`parameters\['effort'\]` is None"),
         (lambda: encode(parameters={"tiers": ["a"]}), r"`parameters\['tiers'\]` is of "),
