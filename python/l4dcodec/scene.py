@@ -216,18 +216,34 @@ class Splats:
 
     def write(self, path: Path) -> List[str]:
         """Writes the splats in the format that the name says: .ply (3DGS), .spz, .sog, .glb or .usda, as `l4dcodec
-        slice` does. It needs covariance and sh. Returns what the file does not have of them, a sentence each."""
+        slice` does. It needs covariance and sh, and numbers that all formats hold: finite ones, opacities from 0 to 1,
+        and no negative variances. Returns what the file does not have of them, a sentence each."""
         path_bytes(path)  # refuses what is none
         if self.covariance is None or self.sh is None:
             raise ValueError("the slice was made without covariances or without sh")
         n, degree = common_count(self, ("means", "covariance", "opacities", "sh")), degree_of(self.sh)
         shapes = {"means": (n, 3), "covariance": (n, 6), "opacities": (n,), "sh": shape_of("sh", n, degree)}
         arrays = [array_of(name, getattr(self, name), shape, np.float32) for name, shape in shapes.items()]
+        for name, array in zip(shapes, arrays):
+            _check_splats(name, array)
         c = struct("splat_buffers", capacity=n, count=n)
         c.position, c.covariance, c.opacity, c.sh = [pointer(a) for a in arrays]
         extension = os.path.splitext(os.fsdecode(path))[1].lower()
         return _written(functools.partial(lib.l4dpy_write_splats, c, degree, _stated(self), c_string(extension, "path"),
                                           path_bytes(path)))
+
+
+def _check_splats(name: str, array: Floats) -> None:
+    """Raises Error if an array has numbers that splats cannot have, which some formats would hide."""
+    wrong, wanted = ~np.isfinite(array), "finite numbers"
+    if name == "opacities":
+        wrong, wanted = ~((array >= 0) & (array <= 1)), "a number from 0 to 1"
+    elif name == "covariance":
+        wrong[:, [0, 3, 5]] |= array[:, [0, 3, 5]] < 0
+        wanted = "finite numbers, of which the variances xx, yy and zz are not negative"
+    rows = np.flatnonzero(wrong.any(axis=tuple(range(1, wrong.ndim))))
+    if rows.size:
+        raise given.wrong_value(f"{name}[{rows[0]}]", array[rows[0]].tolist(), wanted)
 
 
 FORMATS = ("l4d", "ftgs", "4dgs", "raw")

@@ -76,6 +76,20 @@ def test_splats_of_other_lengths_are_not_written(folder: pathlib.Path, tmp_path:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("extension", [".ply", ".spz", ".sog", ".glb", ".usda"])
+def test_splats_that_cannot_be_are_not_written(folder: pathlib.Path, tmp_path: pathlib.Path, extension: str) -> None:
+    splats = l4d.open(folder / "scene.l4d").slice(1)
+    wrong = [("means", np.nan, "finite"), ("means", np.inf, "finite"), ("sh", np.nan, "finite"),
+             ("covariance", -1, "negative"), ("covariance", np.inf, "finite"), ("opacities", 5, "from 0 to 1"), ("opacities", -0.1, "from 0 to 1"),
+             ("opacities", np.nan, "from 0 to 1")]
+    for name, value, words in wrong:
+        array = getattr(splats, name).copy()
+        array[7] = value
+        refused(rf"`{name}\[7\]` is .*{words}", lambda: dataclasses.replace(splats, **{name: array}).write(
+            tmp_path / f"a{extension}"))
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_vectors_have_three_numbers(folder: pathlib.Path) -> None:
     with l4d.open(folder / "scene.l4d") as stream:
         for wrong in ((1,), (1, 2), (1, 2, 3, 4), ("a", "b", "c")):
