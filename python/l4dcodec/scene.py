@@ -425,10 +425,21 @@ def _stated(of: Union[Scene, Splats]) -> Any:
         getattr(parts, name).struct_size = ffi.sizeof(getattr(parts, name))
     parts.placement.scale = 1
     set_fields(parts.placement, of.placement, "placement")
+    if not isinstance(of.placement, Record):  # that of a stream may have ids that only others know
+        for name, prefix in (("coordinate_system", "L4D_COORDINATES_"), ("color_space", "L4D_COLOR_")):
+            _check_id(name, getattr(parts.placement, name), prefix)
     set_fields(parts.rendering, SPLATTING, "rendering")
     set_fields(parts.rendering, of.rendering, "rendering")
     set_fields(parts.presentation, of.presentation, "presentation")
     return parts
+
+
+def _check_id(name: str, value: int, prefix: str) -> None:
+    """Raises Error for an id that l4d.h does not have, unless it is of those that the registry leaves to others."""
+    known = {int(getattr(lib, key)): key[len(prefix):] for key in dir(lib) if key.startswith(prefix)}
+    if value not in known and not 128 <= value < 256:
+        names = ", ".join(f"{number} ({known[number]})" for number in sorted(known))
+        raise given.wrong_value(f"placement.{name}", value, f"one of {names}, or an id of others from 128 to 255")
 
 
 def _native_of(scene: Scene) -> Any:

@@ -189,6 +189,19 @@ def test_a_placement_has_a_scale() -> None:
         refused("placement: scale", lambda s=scale: lossless(scene_of(placement={"scale": s})))
 
 
+def test_ids_of_a_placement_are_known(tmp_path: pathlib.Path) -> None:
+    for name, known in (("coordinate_system", "0 .UNKNOWN., 1 .RIGHT_UP_BACK., 2 .RIGHT_DOWN_FORWARD."),
+                        ("color_space", "0 .SRGB., 1 .LINEAR_SRGB.")):
+        for value in (7, 99, 256):
+            words = rf"`placement\.{name}` is {value}; it must be one of {known}"
+            refused(words, lambda: lossless(scene_of(placement={name: value})))
+            refused(words, lambda: scene_of(placement={name: value}).write(tmp_path / "a.ply"))
+        # What others have registered comes back, and what a stream states goes on.
+        scene = lossless(scene_of(placement={name: 200})).decode()
+        assert scene.placement[name] == 200
+        assert lossless(dataclasses.replace(scene, placement=l4d.Record(scene.placement, **{name: 99}))).decode()
+
+
 def test_cameras_are_pinholes_that_stand_somewhere() -> None:
     K, pose = np.array([[50.0, 0, 32], [0, 50, 24], [0, 0, 1]]), np.eye(4)
     pose[:3, 3] = (1, 2, 3)
