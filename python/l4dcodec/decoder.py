@@ -328,7 +328,7 @@ class Decoder:
     def slice(self, time: float, *, sh: bool = True, axes: bool = True, covariance: bool = True, ids: bool = False,
               camera_position: Optional[Sequence[float]] = None, detail: str = "full",
               max_level: Optional[int] = None, max_tier: Optional[int] = None) -> Splats:
-        """Returns the splats that are visible at `time`, in seconds, limited to the sequence.
+        """Returns the splats that are visible at `time`, in seconds, limited to the sequence, as their `time` is.
 
         sh, axes (quats and scales), covariance, ids: which arrays are made. With camera_position, in scene units,
         `colors` are those seen from there. detail, max_level, max_tier: as in decode(). Buckets stay decoded, so
@@ -353,9 +353,17 @@ class Decoder:
         whole = parts[0] if len(parts) == 1 else {
             name: np.concatenate([part[name] for part in parts] or [empty[name]]) for name in (parts or [empty])[0]}
         get: Any = whole.get
-        return Splats(time, get("position"), get("opacity"), get("rotation"), get("scale"), get("sh"),
+        return Splats(self._instant(time, shown), get("position"), get("opacity"), get("rotation"), get("scale"), get("sh"),
                       get("covariance"), get("color"), get("id"), self.info.placement, self.info.rendering,
                       self.info.presentation)
+
+    def _instant(self, time: float, shown: Sequence[Tuple[Any, float, float]]) -> float:
+        """The instant that is shown where `time` is asked for."""
+        if self._movie is not None and shown:  # between streams, an end of one
+            _, at, shift = shown[0]
+            if not math.isclose(at + shift, time, rel_tol=1e-12, abs_tol=1e-9):
+                time = at + shift
+        return min(max(float(time), self.timeline.time_begin), self.timeline.time_end)
 
     def _slice(self, handle: Any, time: float, shapes: Dict[str, Tuple[int, ...]],
                camera_position: Optional[Sequence[float]], ids: bool, point: Any) -> Dict[str, Any]:

@@ -168,9 +168,14 @@ class Scene:
         from .encoder import encode
         stream = io.BytesIO()
         encode(self, stream, preset="lossless", first_view=False)
-        middle = self.timeline.time_begin + self.timeline.duration / 2
+        begin, end = self.timeline.time_begin, self.timeline.time_end
         with open_stream(stream.getvalue()) as decoder:
-            return decoder.slice(middle if time is None else time, axes=False).write(path)
+            splats = decoder.slice((begin + end) / 2 if time is None else time, axes=False)
+        notes = splats.write(path)
+        if time is not None and splats.time != time:
+            notes.insert(0, f"`time` {_seconds(time)} lies outside the sequence [{_seconds(begin)}, {_seconds(end)}]; "
+                         f"{_seconds(splats.time)} is used")
+        return notes
 
 
 @dataclasses.dataclass(eq=False)
@@ -179,7 +184,7 @@ class Splats:
     were not wanted are None."""
 
     time: float
-    """Seconds."""
+    """Seconds: the instant that is shown, which lies in the sequence."""
     means: Floats
     """[M, 3] scene units."""
     opacities: Floats
@@ -244,6 +249,11 @@ def _check_splats(name: str, array: Floats) -> None:
     rows = np.flatnonzero(wrong.any(axis=tuple(range(1, wrong.ndim))))
     if rows.size:
         raise given.wrong_value(f"{name}[{rows[0]}]", array[rows[0]].tolist(), wanted)
+
+
+def _seconds(time: float) -> str:
+    """A time as the tool writes it."""
+    return f"{time + 0.0:.6g}" if abs(time) < 1000 or abs(time) >= 1e12 else f"{time:.3f}"
 
 
 FORMATS = ("l4d", "ftgs", "4dgs", "raw")

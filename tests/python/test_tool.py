@@ -106,6 +106,32 @@ def test_instants_are_written_as_by_the_tool(folder: pathlib.Path, tmp_path: pat
     assert ours.read_bytes() == theirs.read_bytes()
 
 
+@pytest.mark.parametrize("time, shown, of_two", [(-5, 0, 0), (99, 2, 4), (0.7, 0.7, 0.7)])
+def test_times_outside_of_the_sequence(folder: pathlib.Path, tmp_path: pathlib.Path, time: float, shown: float,
+                                       of_two: float) -> None:
+    two = tmp_path / "two.l4d"
+    tool("concat", folder / "scene.l4d", folder / "scene.l4d", "-o", two)
+    with l4d.open(folder / "scene.l4d") as stream, l4d.open(two) as both:
+        assert (stream.slice(time).time, both.slice(time).time) == (shown, of_two)
+    told = json.loads(tool("convert", folder / "scene.ply", tmp_path / "tool.glb", "--time", time, "--json"))["notes"]
+    found = l4d.read(folder / "scene.ply").write(tmp_path / "python.glb", time=time)
+    assert found == [note.replace("--time", "`time`") for note in told] and len(found) == 1 + (time != shown)
+    assert (tmp_path / "python.glb").read_bytes() == (tmp_path / "tool.glb").read_bytes()
+
+
+@pytest.mark.parametrize("fps", [30, 29.97, 23.976, 59.94, 12.5, 1 / 3, 0.001, 7.123456789, 1e6, 99.7])
+def test_frame_rates_mean_what_they_mean_to_the_tool(folder: pathlib.Path, tmp_path: pathlib.Path, fps: float) -> None:
+    l4d.open(folder / "scene.l4d").slice(1).write(tmp_path / "frame.ply")
+    with pytest.warns(UserWarning):
+        expected = l4d.read_frames([tmp_path / "frame.ply"], fps=fps).timeline
+    assert l4d.Timeline(1, fps).duration == l4d.Timeline(1, np.float64(fps)).duration == expected.duration
+    if abs(fps - 29.97) < 1e-6:
+        assert expected.fps == Fraction(30000, 1001)
+        assert l4d.Timeline(30, np.float32(fps)).duration == l4d.Timeline(30, fps).duration == 1.001
+    # A fraction is taken as it is.
+    assert l4d.Timeline(2997, Fraction(2997, 100)).duration == 100
+
+
 def test_names_say_what_is_written(folder: pathlib.Path, tmp_path: pathlib.Path) -> None:
     scene = l4d.read(folder / "scene.ply")
     for name in ("x.l4d", "x.ply", "x.ftgs.ply", "x.4dgs", "x.safetensors"):
