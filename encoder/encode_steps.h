@@ -8,12 +8,10 @@
 #include <utility>
 #include <vector>
 
+#include "encoder/layer/coder_options.h"
 #include "l4d/encode.h"
 
 namespace l4d {
-
-// Thrown out of the innermost loops; caught in Encoder::encode.
-struct Cancelled {};
 
 // Times the steps of an encode and tells the caller about them. All but was_cancelled() is for one
 // thread.

@@ -7,8 +7,8 @@
 #include <mutex>
 #include <numeric>
 
-#include "encoder/encode_steps.h"
 #include "encoder/file/entropy_model.h"
+#include "encoder/layer/coder_options.h"
 #include "encoder/layer/position_coding.h"
 #include "encoder/prepare/scalar.h"
 #include "libl4dcodec/base/half.h"

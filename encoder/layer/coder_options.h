@@ -11,6 +11,9 @@
 
 namespace l4d {
 
+// Thrown out of the innermost loops; caught in Encoder::encode.
+struct Cancelled {};
+
 // What the coders of attributes get besides the scene.
 struct CoderOptions {
   const EncoderSettings* settings = nullptr;

@@ -94,8 +94,8 @@ class SogReader {
     }
     has_codebooks_ = meta_.contains("version");
     if (has_codebooks_ && meta_["version"] != 2) {
-      throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
-                  path_ + ": version " + meta_["version"].dump() + " of SOG; 2 is read, and files that state none");
+      throw Error(L4D_ERR_FEATURE_UNSUPPORTED, path_ + ": version " + meta_["version"].dump() +
+                                                   " of SOG; 2 is read, and files that state none");
     }
     const Json& means = part("means");
     count_ = has_codebooks_ ? whole(meta_, "count", UINT32_MAX) : count_of_shape(means);

@@ -49,8 +49,8 @@ void set_fps_from_comment(const PlyReader& reader, l4d_timeline& timeline);
 
 // Timeline of a format whose file says nothing about time; notes what was assumed.
 void set_default_timeline(Scene& scene, const ImportOptions& options);
-// Notes times of formats that state no unit of them where they do not fit the sequence: milliseconds
-// or frames show nothing in one of seconds, and times around 0 are half before it.
+// Notes times of formats that state no unit of them where they do not fit the sequence:
+// milliseconds or frames show nothing in one of seconds, and times around 0 are half before it.
 void note_far_times(Scene& scene);
 // Placement, rendering and presentation from the l4d_* comments.
 void read_placement(const PlyReader& reader, Scene& scene);

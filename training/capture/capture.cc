@@ -177,7 +177,8 @@ void note_times(Capture* capture, const CaptureOptions& options) {
   if (is_scaled && last > 0) {
     capture->notes.push_back("Times of images are multiplied by " + seconds +
                              ": the last one is at " + io::decimal(last) +
-                             " s, and the sequence lasts " + io::decimal(capture->duration()) + " s.");
+                             " s, and the sequence lasts " + io::decimal(capture->duration()) +
+                             " s.");
   } else if (is_dnerf) {
     capture->notes.push_back("All images are of one instant: no time is above 0.");
   } else if (options.seconds != 1) {
