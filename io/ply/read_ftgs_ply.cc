@@ -58,6 +58,14 @@ Scene read_ftgs_ply(PlyReader& reader, const ImportOptions& options) {
   columns.read();
   settle_rows(reader, options, scene);
   note_unturned(quaternion, scene);
+  const auto lasts = [](float log) { return log >= 0; };
+  if (scene.count() > 0 &&
+      std::all_of(log_duration.begin(), log_duration.begin() + static_cast<long>(scene.count()),
+                  lasts)) {
+    scene.notes.push_back(
+        "log_duration is positive, as in files that have durations where logarithms belong: all "
+        "Gaussians last longer than the sequence.");
+  }
   raise_flat_scales(scene);
 
   const double unit = static_cast<double>(std::max(scene.timeline.num_frames, 2U) - 1) *

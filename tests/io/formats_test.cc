@@ -662,6 +662,19 @@ TEST_F(FormatsTest, FtgsWithoutVelocityOrFrames) {
   EXPECT_EQ(test::status_of([&] { read_scene_ply(newer); }), L4D_ERR_FEATURE_UNSUPPORTED);
 }
 
+TEST_F(FormatsTest, FtgsDurationsInPlaceOfLogarithmsAreNoted) {
+  std::vector<FtgsRow> rows = random_ftgs(3);
+  const auto is_noted = [&] {
+    const Scene scene = read_scene_ply(write("a.ply", ftgs_file(rows, kFtgsComments)));
+    return std::any_of(scene.notes.begin(), scene.notes.end(), [](const std::string& note) {
+      return note.find("log_duration is positive") == 0;
+    });
+  };
+  EXPECT_FALSE(is_noted());
+  for (FtgsRow& row : rows) row.log_duration = 0.1F;
+  EXPECT_TRUE(is_noted());
+}
+
 TEST_F(FormatsTest, FtgsGaussiansThatAreNoNumbersAreMarked) {
   std::vector<FtgsRow> rows = random_ftgs(3);
   rows[1].velocity[2] = std::nanf("");
