@@ -51,10 +51,12 @@ Frame read_frame(const std::string& path, bool activated, const Hold& holder) {
     if (note != kStaticNote) frame.notes.push_back(std::move(note));
   }
   const size_t n = scene.count();
+  frame.sh_degree = scene.sh_degree;
   const uint64_t numbers = 3 + 3 + 4 + 1 + frame.sh_numbers();
   frame.memory = hold(holder, n * numbers * sizeof(float), path);
-  frame.sh_degree = scene.sh_degree;
   frame.placement = scene.placement;
+  frame.rendering = scene.rendering;
+  frame.presentation = scene.presentation;
   frame.position = std::move(scene.position);
   frame.sh = std::move(scene.sh);
   frame.log_scale.resize(3 * n);

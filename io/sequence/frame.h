@@ -14,6 +14,8 @@ namespace l4d::io {
 struct Frame {
   uint32_t sh_degree = 0;
   l4d_placement placement{};
+  l4d_rendering rendering = default_rendering();
+  l4d_presentation presentation = default_presentation();
   std::vector<float> position;     // [N, 3]
   std::vector<float> log_scale;    // [N, 3]
   std::vector<float> rotation;     // [N, 4] w x y z, length 1

@@ -6,6 +6,7 @@
 #include <new>
 #include <utility>
 
+#include "io/scene/rendering_text.h"
 #include "io/sequence/track.h"
 #include "libl4dcodec/base/threads.h"
 
@@ -111,6 +112,8 @@ class Reader {
     scene.flags = 0;
     scene.timeline = timeline_;
     scene.placement = before_.placement;
+    scene.rendering = before_.rendering;
+    scene.presentation = before_.presentation;
     scene.set_mean_times(std::move(out_.times));
     if (out_.windows == 0) scene.window.clear();
     scene.source = "sequence";
@@ -137,6 +140,14 @@ class Reader {
     if (p.scale != first.scale || p.coordinate_system != first.coordinate_system ||
         p.color_space != first.color_space) {
       fail("its scale, coordinate system or colour space are not those of the frames before");
+    }
+    if (rendering_text(frame->rendering) != rendering_text(before_.rendering)) {
+      fail("its rendering is \"" + rendering_text(frame->rendering) +
+           "\"; that of the frames before is \"" + rendering_text(before_.rendering) + "\"");
+    }
+    // What all state is of the sequence; else nothing is.
+    if (presentation_text(frame->presentation) != presentation_text(before_.presentation)) {
+      frame->presentation = default_presentation();
     }
     for (size_t k = 0; k < 3; ++k) {
       const double shift = (p.origin[k] - first.origin[k]) / p.scale;

@@ -269,6 +269,29 @@ TEST_F(SequenceTest, TellsWhatReadersOfFramesNote) {
       << message;
 }
 
+// How frames are to be drawn is said of the sequence, and how it is shown where all agree.
+TEST_F(SequenceTest, KeepsWhatFramesStateOfTheirRendering) {
+  const auto write_stating = [&](size_t k, const std::vector<std::string>& comments) {
+    const std::string text =
+        test::ply_header("ascii", comments, 1,
+                         {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "rot_0", "rot_1", "rot_2",
+                          "rot_3", "scale_0", "scale_1", "scale_2", "opacity"});
+    write("f" + std::to_string(k) + ".ply", text + "0 0 1 0 0 0 1 0 0 0 -3 -3 -3 0.5\n");
+  };
+  paths_ = {path("f0.ply"), path("f1.ply")};
+  const std::string drawn = "l4d_rendering compensation=1", shown = "l4d_presentation playback=";
+  write_stating(0, {drawn, shown + "loop"});
+  write_stating(1, {drawn, shown + "loop"});
+  EXPECT_EQ(read().rendering.compensation, 1U);
+  EXPECT_EQ(read().presentation.playback, static_cast<uint32_t>(L4D_PLAYBACK_LOOP));
+  write_stating(1, {drawn, shown + "once"});
+  EXPECT_EQ(read().presentation.playback, static_cast<uint32_t>(L4D_PLAYBACK_UNSTATED));
+  write_stating(1, {shown + "loop"});
+  std::string message;
+  EXPECT_EQ(test::status_of([&] { read(); }, &message), L4D_ERR_INVALID_SCENE);
+  EXPECT_NE(message.find("f1.ply: its rendering"), std::string::npos) << message;
+}
+
 // Memory does not grow with the number of frames.
 TEST_F(SequenceTest, HoldsAFewFrames) {
   const auto peak = [&](size_t frames) {
