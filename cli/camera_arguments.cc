@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "cli/text/units.h"
+#include "io/camera/colmap.h"
 
 namespace l4d::cli {
 
@@ -72,10 +73,21 @@ void keep_numbered(Context& context, const io::Camera& camera) {
   }
 }
 
+// The files of a model of COLMAP, of which only the folder is named.
+void keep_model(Context& context, const std::string& path) {
+  const std::string model = io::find_colmap_model(path);
+  std::error_code error;
+  if (model.empty()) return;
+  for (const auto& entry : std::filesystem::directory_iterator(model, error)) {
+    if (entry.is_regular_file(error)) context.files.keep(entry.path().string(), "of the cameras");
+  }
+}
+
 }  // namespace
 
 io::CameraSet read_camera_file(Context& context, const std::string& path, bool any_path) {
   context.files.add_input(path, "--cameras");
+  keep_model(context, path);
   io::CameraSet set = io::read_cameras(path, any_path, context.budget().holder());
   set.image_memory = context.captured_memory();
   for (const io::Camera& camera : set.cameras) {

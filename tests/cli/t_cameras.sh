@@ -79,6 +79,11 @@ expect 5 cameras --from there -o d.json
 expect_text err 'a model of COLMAP has cameras and images'
 
 # Numbers that are none are refused by the name of what has them.
+# The folder is named, and no file of its model is replaced.
+cp -r colmap/sparse/0 model
+expect 2 cameras --from colmap -f -o colmap/sparse/0/images.txt
+expect 2 cameras --from colmap/sparse/0 -f -o colmap/sparse/0/cameras.txt
+diff -r colmap/sparse/0 model || die 'a file of the cameras was replaced'
 sed 's/0.25/nan/' colmap/sparse/0/images.txt > nan.txt && mv nan.txt colmap/sparse/0/images.txt
 expect 4 cameras --from colmap -o d.json
 expect_text err 'image a.jpg: .*not finite|image a.jpg: .*translation'
