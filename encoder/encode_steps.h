@@ -5,6 +5,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstring>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -13,8 +14,8 @@
 
 namespace l4d {
 
-// Times the steps of an encode and tells the caller about them. All but was_cancelled() is for one
-// thread.
+// Times the steps of an encode and tells the caller about them. All but cancelled() is for the
+// thread that made it.
 class EncodeSteps {
  public:
   // total: the work of all steps.
@@ -45,9 +46,10 @@ class EncodeSteps {
   }
   // Called now and then inside long loops, which then return early with what they have. One nonzero
   // answer of the callback is enough: the next report ends the call.
-  bool cancelled() { return cancelled(done_); }
-  // For other threads: whether the callback has answered so.
-  bool was_cancelled() const { return cancelled_; }
+  // Other threads than the caller's do not ask, and learn what it has answered.
+  bool cancelled() {
+    return std::this_thread::get_id() == caller_ ? cancelled(done_) : cancelled_.load();
+  }
   std::vector<l4d_encode_step> take() { return std::move(steps_); }
 
  private:
@@ -60,6 +62,7 @@ class EncodeSteps {
     return cancelled_;
   }
 
+  const std::thread::id caller_ = std::this_thread::get_id();
   l4d_progress_fn fn_;
   void* user_;
   uint64_t total_;

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <chrono>
 #include <map>
-#include <thread>
 
 #include "encoder/component/codebook_coder.h"
 #include "encoder/encode_steps.h"
@@ -94,7 +93,6 @@ class Encoder::Run {
     options_.device = encoder.device_.get();
     options_.seed = encoder.options_.seed;
     options_.cancelled = &cancelled_;
-    options_.cancelled_elsewhere = &was_cancelled_;
     options_.step = [this](const char* name) { steps_.begin(name); };
   }
   // Its callbacks refer to it.
@@ -132,7 +130,6 @@ class Encoder::Run {
       sh_options_ = options_;
       if (sh_apart_) {
         steps_.begin("sh_vq");
-        sh_options_.cancelled = &was_cancelled_;
         sh_options_.step = [](const char*) {};
       }
       sh_ = start_async(sh_apart_, [this] { return code_sh(scene_, sh_options_); });
@@ -213,15 +210,11 @@ class Encoder::Run {
 
   Status write(const WriteFn& write) {
     FileParts parts;
-    const std::thread::id caller = std::this_thread::get_id();
-    const std::function<bool()> anywhere = [this, caller] {
-      return std::this_thread::get_id() == caller ? steps_.cancelled() : steps_.was_cancelled();
-    };
     const PositionCoding positions = header_;
     const ScalarCoding opacity = header_.opacity;
     const ErrorStatement errors = header_.errors;
     L4D_RETURN_IF_ERROR(
-        build_file(scene_, settings_, std::move(header_), coded_, threads_, &parts, &anywhere));
+        build_file(scene_, settings_, std::move(header_), coded_, threads_, &parts, &cancelled_));
     steps_.begin("check");
     const ExpectedStream expected = {scene_, coded_,      positions, opacity,
                                      errors, parts.order, lossless_};
@@ -260,7 +253,6 @@ class Encoder::Run {
   const bool lossless_;
   EncodeSteps steps_;
   const std::function<bool()> cancelled_ = [this] { return steps_.cancelled(); };
-  const std::function<bool()> was_cancelled_ = [this] { return steps_.was_cancelled(); };
   CoderOptions options_;
   EncoderScene scene_;
   std::vector<LayerPlan> plans_;

@@ -23,10 +23,8 @@ struct CoderOptions {
   int threads = 0;
   NearestDevice* device = nullptr;
   uint64_t seed = 0;
-  // Whether to end early. The first is asked on the thread that the caller gave these options to,
-  // the second on those that are started for components side by side.
+  // Whether to end early; asked on any thread.
   const std::function<bool()>* cancelled = nullptr;
-  const std::function<bool()>* cancelled_elsewhere = nullptr;
   // Called before each component with its name, and where it is waited for.
   std::function<void(const char*)> step;
 };

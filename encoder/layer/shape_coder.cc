@@ -184,8 +184,7 @@ class ShapeCoder {
       scale_row(scene_, out_, j, decoded, rows.values.data() + j * dim);
     });
     rows.any = any_number(rows);
-    out.coded = code_rows(L4D_COMPONENT_SCALE, rows, transform,
-                          apart_ ? options_.cancelled_elsewhere : options_.cancelled);
+    out.coded = code_rows(L4D_COMPONENT_SCALE, rows, transform, options_.cancelled);
     return out;
   }
 
@@ -207,8 +206,7 @@ class ShapeCoder {
     halves[0].any = stereographic || any_number(halves[0]);
     halves[1].any = !out_.permanent && any_number(halves[1]);
     std::future<CodedComponent> spatial = start_async(apart_, [&] {
-      return code_rows(L4D_COMPONENT_ROTOR_SPATIAL, halves[0], stereographic,
-                       apart_ ? options_.cancelled_elsewhere : options_.cancelled);
+      return code_rows(L4D_COMPONENT_ROTOR_SPATIAL, halves[0], stereographic, options_.cancelled);
     });
     options_.step("rotor_temporal_vq");
     Rotors out;
