@@ -114,6 +114,20 @@ void set_scene(const io::Scene& scene, const EncoderHandle& encoder) {
   encoder.check(l4d_encoder_set_presentation(encoder.get(), &scene.presentation));
 }
 
+std::vector<unsigned char> lossless_stream(Context& context, const io::Scene& scene,
+                                           const char* verb) {
+  l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
+  options.threads = context.options.threads;
+  const EncoderHandle encoder(&options);
+  Progress progress(context, verb);
+  encoder.check(l4d_encoder_set_progress(encoder.get(), &Progress::callback, &progress));
+  encoder.check(l4d_encoder_set_preset(encoder.get(), "lossless"));
+  // Speed is all that counts.
+  encoder.set(L4D_ENC_ZSTD_LEVEL, 1);
+  set_scene(scene, encoder);
+  return encoder.encode();
+}
+
 LoadedScene decode_scene(Context& context, const DecoderHandle& decoder, const l4d_query* query) {
   return eval::decode_scene(decoder, query, context.budget().holder());
 }
@@ -133,18 +147,7 @@ SceneStream::SceneStream(Context& context, const Input& input, const ImportArgum
   } else {
     const io::Scene scene = import_scene(context, input, arguments);
     source_ = scene.source;
-    about(input.name(), [&] {
-      l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
-      options.threads = context.options.threads;
-      const EncoderHandle encoder(&options);
-      Progress progress(context, "read");
-      encoder.check(l4d_encoder_set_progress(encoder.get(), &Progress::callback, &progress));
-      encoder.check(l4d_encoder_set_preset(encoder.get(), "lossless"));
-      // The stream lives for one command and stays in memory: speed is all that counts.
-      encoder.set(L4D_ENC_ZSTD_LEVEL, 1);
-      set_scene(scene, encoder);
-      stream_ = encoder.encode();
-    });
+    about(input.name(), [&] { stream_ = lossless_stream(context, scene, "read"); });
     decoder_.open_memory(stream_.data(), stream_.size());
   }
   info_ = decoder_.info();

@@ -38,6 +38,10 @@ LoadedScene load_scene(Context& context, const Input& input, const ImportArgumen
 // Gives an encoder a scene with what it states of itself; borrowed.
 void set_scene(const io::Scene& scene, const EncoderHandle& encoder);
 
+// A stream of the scene for one command, which stays in memory. verb: of its progress.
+std::vector<unsigned char> lossless_stream(Context& context, const io::Scene& scene,
+                                           const char* verb);
+
 // Reads all of an open stream, or what `query` selects; counted as held memory.
 LoadedScene decode_scene(Context& context, const DecoderHandle& decoder,
                          const l4d_query* query = nullptr);

@@ -75,17 +75,9 @@ bool is_static(const io::Scene& scene) {
 }
 
 // A stream of the scene in memory, by which it is sliced.
-DecoderHandle lossless_stream(Context& context, const io::Scene& scene,
-                              std::vector<unsigned char>* stream) {
-  l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
-  options.threads = context.options.threads;
-  const EncoderHandle encoder(&options);
-  Progress progress(context, "convert");
-  encoder.check(l4d_encoder_set_progress(encoder.get(), &Progress::callback, &progress));
-  encoder.check(l4d_encoder_set_preset(encoder.get(), "lossless"));
-  encoder.set(L4D_ENC_ZSTD_LEVEL, 1);
-  set_scene(scene, encoder);
-  *stream = encoder.encode();
+DecoderHandle decoder_of(Context& context, const io::Scene& scene,
+                         std::vector<unsigned char>* stream) {
+  *stream = lossless_stream(context, scene, "convert");
   const l4d_decoder_options decoder_options = context.decoder_options();
   DecoderHandle decoder(&decoder_options);
   decoder.open_memory(stream->data(), stream->size());
@@ -112,7 +104,7 @@ void write_instants(Context& context, const std::string& name, const io::Scene& 
                     const std::vector<double>& times, const std::vector<std::string>& paths,
                     io::WriteNotes* notes) {
   std::vector<unsigned char> stream;
-  const DecoderHandle decoder = lossless_stream(context, scene, &stream);
+  const DecoderHandle decoder = decoder_of(context, scene, &stream);
   const std::string extension = instant_extension(name);
   notes->emplace(io::loss_of_instants(extension), 0);
   for (size_t k = 0; k < times.size(); ++k) {
