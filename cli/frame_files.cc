@@ -58,13 +58,9 @@ std::string kind_of(const std::string& path) {
 // Files that may be of another sequence, or of none.
 void note_kinds(Context& context, const std::string& folder,
                 const std::vector<std::string>& files) {
+  if (std::none_of(files.begin(), files.end(), [](const auto& f) { return numbered(f); })) return;
   std::map<std::string, std::string> kinds;
-  for (const std::string& file : files) {
-    if (numbered(file)) kinds.emplace(kind_of(file), file);
-  }
-  for (const std::string& file : files) {
-    if (!kinds.empty() && !numbered(file)) kinds.emplace(kind_of(file), file);
-  }
+  for (const std::string& file : files) kinds.emplace(kind_of(file), file);
   if (kinds.size() < 2) return;
   context.note(folder + ": its files have names of " + format_count(kinds.size()) + " kinds, as " +
                kinds.begin()->second + " and " + std::next(kinds.begin())->second +
