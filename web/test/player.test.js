@@ -257,7 +257,7 @@ test('keys are those of video players', () => withPlayer(async page => {
   await page.keyboard.press('<');
   await page.keyboard.press('i');
   assert.equal(await inPlayer(page, player => player.shadowRoot.querySelector('.overlay').hidden), false);
-  // The first view depends on what has come until then: of a part that is there it is the same again.
+  // The first view follows from the Gaussians that are there. Once all of this instant are, it stays the same.
   const eye = () => inPlayer(page, player => player.view.orbit.eye());
   await inPlayer(page, player => player.view.settled());
   await page.keyboard.press('0');
