@@ -112,16 +112,11 @@ void read_statements(const TensorFile& file, const ImportOptions& options, Scene
 }
 
 void note_unread(const TensorFile& file, const std::set<std::string>& read, Scene* scene) {
-  static const std::set<std::string> kMetadata = {
-      "schema",          "form",          "sh_degree",
-      "flags",           "byte_order",    "num_gaussians",
-      "opacity",         "position_at",   "fps",
-      "time_begin",      "time_end",      "time_unit",
-      "num_frames",      "l4d_origin",    "l4d_scale",
-      "l4d_coordinates", "l4d_rendering", "l4d_color_space",
-      "l4d_presentation"};
+  static const std::set<std::string> kOwn = {"schema",     "form",          "sh_degree",
+                                             "flags",      "num_gaussians", "opacity",
+                                             "byte_order", "position_at",   "num_frames"};
   for (const std::string& key : file.metadata_keys()) {
-    if (kMetadata.count(key) != 0) continue;
+    if (is_statement(key) || kOwn.count(key) != 0) continue;
     scene->notes.push_back("The metadata " + list_of_names({key}) +
                            " are not known and were not read.");
   }

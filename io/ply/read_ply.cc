@@ -12,12 +12,9 @@
 namespace l4d::io {
 namespace {
 
-constexpr const char* kStatements[] = {"l4d_ply",          "l4d_origin",    "l4d_scale",
-                                       "l4d_coordinates",  "l4d_rendering", "l4d_color_space",
-                                       "l4d_presentation", "time_unit",     "time_begin",
-                                       "time_end",         "fps",           "ftgs_version",
-                                       "n_frames",         "use_velocity",  "min_duration",
-                                       "opacity_floor"};
+// Of layouts, beside what io/scene/statements.h has.
+constexpr const char* kOfLayouts[] = {"l4d_ply",      "ftgs_version", "n_frames",
+                                      "use_velocity", "min_duration", "opacity_floor"};
 // Of a clock, as others may write them.
 constexpr const char* kClock[] = {"fps",        "framerate",  "frame_rate", "n_frames",
                                   "num_frames", "time_begin", "time_end",   "time_unit"};
@@ -80,14 +77,15 @@ void set_default_timeline(Scene& scene, const ImportOptions& options) {
 void read_placement(const PlyReader& reader, Scene& scene) {
   for (const std::string& text : reader.header().comments) {
     const std::string key = text.substr(0, text.find_first_of(" \t"));
-    if (!is_one_of(kStatements, key)) {
+    if (!is_statement(key) && !is_one_of(kOfLayouts, key)) {
       if (key.rfind("l4d_", 0) == 0 || speaks_of_clock(key)) {
         scene.notes.push_back("The comment " + list_of_names({key}) +
                               " is not known and was not read.");
       }
       continue;
     }
-    const std::string first = reader.header().comment(key), value = rest_of(text, key);
+    const std::string value = rest_of(text, key);
+    const std::string first = reader.header().comment(key);
     if (value == first) continue;
     reader.fail(L4D_ERR_CORRUPT,
                 "comment " + key + " is there twice: \"" + first + "\" and \"" + value + "\"");

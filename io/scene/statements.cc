@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/scene/statements.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstring>
@@ -58,6 +59,14 @@ void read_words(const TextOf& text_of, l4d_placement* placement) {
 std::string text_of_number(double value) {
   char text[40];
   return {text, std::to_chars(text, text + sizeof(text), value).ptr};
+}
+
+bool is_statement(const std::string& key) {
+  static constexpr const char* kKeys[] = {
+      "l4d_origin",       "l4d_scale", "l4d_coordinates", "l4d_color_space", "l4d_rendering",
+      "l4d_presentation", "time_unit", "time_begin",      "time_end",        "fps"};
+  return std::any_of(std::begin(kKeys), std::end(kKeys),
+                     [&](const char* known) { return key == known; });
 }
 
 double stated_number(const TextOf& text_of, const std::string& key, double fallback) {

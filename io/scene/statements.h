@@ -18,6 +18,8 @@ using TextOf = std::function<const char*(const std::string& key)>;
 
 // The number that is the whole text of a key; `fallback` if there is none. Throws Error.
 double stated_number(const TextOf& text_of, const std::string& key, double fallback);
+// Whether placement, clock, rendering and presentation have this key.
+bool is_statement(const std::string& key);
 // Sets the frame rate from `fps`, a decimal or a fraction such as 30000/1001; 30 without it.
 void read_stated_fps(const TextOf& text_of, l4d_timeline* timeline);
 // Placement, rendering and presentation. Throws Error with L4D_ERR_CORRUPT, or with
