@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <map>
 #include <new>
 
 #include "io/scene/statements.h"
@@ -75,6 +76,7 @@ void set_default_timeline(Scene& scene, const ImportOptions& options) {
 }
 
 void read_placement(const PlyReader& reader, Scene& scene) {
+  std::map<std::string, std::string> stated;
   for (const std::string& text : reader.header().comments) {
     const std::string key = text.substr(0, text.find_first_of(" \t"));
     if (!is_statement(key) && !is_one_of(kOfLayouts, key)) {
@@ -85,7 +87,7 @@ void read_placement(const PlyReader& reader, Scene& scene) {
       continue;
     }
     const std::string value = rest_of(text, key);
-    const std::string first = reader.header().comment(key);
+    const std::string& first = stated.emplace(key, value).first->second;
     if (value == first) continue;
     reader.fail(L4D_ERR_CORRUPT,
                 "comment " + key + " is there twice: \"" + first + "\" and \"" + value + "\"");
