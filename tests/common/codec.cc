@@ -44,6 +44,12 @@ l4d_importance importance_of(const TestScene& scene, const EncodeOptions& option
   return importance;
 }
 
+l4d_encoder_options one_thread() {
+  l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
+  options.threads = 1;
+  return options;
+}
+
 void prepare_encoder(const TestScene& scene, const EncodeOptions& options, const EncoderHandle& e) {
   e.check(l4d_encoder_set_preset(e.get(), options.preset));
   e.set(L4D_ENC_RANS, options.rans ? 1 : 0);

@@ -50,6 +50,9 @@ Encoded encode(const TestScene& scene, const EncodeOptions& options);
 l4d_importance importance_of(const TestScene& scene, const EncodeOptions& options);
 void prepare_encoder(const TestScene& scene, const EncodeOptions& options,
                      const EncoderHandle& encoder);
+// Of an encoder whose calls of the caller are as many in each run: threads share pages, and which
+// of them is asked differs.
+l4d_encoder_options one_thread();
 
 // The seeded scenes that many tests share, encoded once per process.
 const Bytes& dynamic_file();    // several layers, a permanent one, motion, small pages

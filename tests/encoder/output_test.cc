@@ -45,11 +45,7 @@ class EncodeFile : public testing::Test {
 
   std::string folder_, path_;
   TestScene scene_;
-  const l4d_encoder_options options_ = [] {
-    l4d_encoder_options o = L4D_INIT(l4d_encoder_options);
-    o.threads = 1;
-    return o;
-  }();
+  const l4d_encoder_options options_ = one_thread();
   EncoderHandle encoder_{&options_};
 };
 

@@ -175,7 +175,8 @@ struct FaultyWriter {
 
 struct SmallEncode {
   TestScene scene;
-  EncoderHandle encoder;
+  const l4d_encoder_options options = one_thread();
+  EncoderHandle encoder{&options};
   SmallEncode() {
     SceneOptions s;
     s.count = 60;

@@ -64,7 +64,8 @@ class Files : public testing::Test {
 
   fs::path folder_;
   TestScene scene_;
-  EncoderHandle encoder_;
+  const l4d_encoder_options options_ = one_thread();
+  EncoderHandle encoder_{&options_};
   Bytes want_;
 };
 
