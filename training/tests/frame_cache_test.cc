@@ -260,7 +260,7 @@ TEST_F(FrameCaches, ChangeNoBitOfATraining) {
   videos.height = 48;
   videos.format = "mp4";
   render_capture(folder_ / "long", io::synthesize(synth), videos);
-  RunOptions options = test::tiny_run(folder_ / "without", 100);
+  RunOptions options = test::tiny_run(folder_ / "without", 64);
   options.settings.capture = folder_ / "long";
   options.settings.gaussians = 200;
   options.settings.scale = 0.5;
@@ -281,7 +281,7 @@ TEST_F(FrameCaches, ChangeNoBitOfATraining) {
     options.folder = folder_ / (begins_with_cache ? "first" : "second");
     options.cache = begins_with_cache ? cache_path_ : "";
     options.resume = false;
-    test::Listener first(70);
+    test::Listener first(54);
     EXPECT_THROW(train(options, &first), io::Error);
     options.cache = begins_with_cache ? "" : cache_path_;
     options.resume = true;

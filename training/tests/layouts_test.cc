@@ -429,7 +429,7 @@ TEST(Layouts, TrainToTheSameBits) {
     options.settings.reading = options_of(layout);
     options.settings.gaussians = 150;
     options.settings.sh_degree = 0;
-    options.settings.steps = 30;
+    options.settings.steps = 6;
     options.settings.views = 2;
     options.settings.init = "frustum";
     options.settings.exposure = "off";
