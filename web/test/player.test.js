@@ -138,7 +138,8 @@ test('streams that follow each other: no picture at a border is empty while it p
     }
     return {pictures, spans};
   });
-  assert.deepEqual(found.spans, [1, 2, 3]);
+  // A starved page may go past two borders between two pictures.
+  assert.deepEqual([...new Set(found.spans)].sort(), [1, 2, 3]);
   assert.ok(found.pictures.length >= 4, `${found.pictures.length} pictures`);
   for (const {shown, ordered} of found.pictures) {
     assert.ok(shown.length >= 2 && ordered.length > 0 && ordered.every(stream => shown.includes(stream)), `${ordered} of ${shown}`);
@@ -464,21 +465,30 @@ test('a server without ranges', () => withPlayer(async (page, server) => {
   assert.equal(server.requests.length, 1);
 }, {faults: {ranges: false}}));
 
-test('a slow network: base colours first, then all', () => withPlayer(async page => {
-  const details = await page.evaluate(async () => {
+test('a slow network: base colours first, then all', () => withPlayer(async (page, server) => {
+  // Behind the header nothing comes until the worker knows the instant, so that nothing is here from another one.
+  let release = () => {};
+  const held = new Promise(resolve => { release = () => resolve(undefined); });
+  server.faults.hold = begin => begin > 0 ? held : undefined;
+  await page.evaluate(async () => {
     const {open} = await import('/player.js');
-    const movie = await open('/scene.l4d');
+    const slow = await open('/long.l4d');
     const seen = [];
-    movie.on('ready', ready => seen.push(ready.detail));
-    await movie.seek(2);
-    await until(() => seen.includes('full'), 'all of the instant');
-    const {throughput} = movie.statistics;
-    movie.dispose();
-    return {seen, throughput};
+    slow.on('ready', ready => seen.push(ready.detail));
+    void slow.seek(2);
+    await slow.refreshStatistics();
+    Object.assign(globalThis, {slow, seen});
   });
-  assert.equal(details.seen[0], 'base');
+  release();
+  await page.waitForFunction(() => globalThis.seen.includes('full'), undefined, {timeout: 300000});
+  const seen = await page.evaluate(() => {
+    const {slow, seen} = /** @type {any} */ (globalThis);
+    slow.dispose();
+    return seen;
+  });
+  assert.equal(seen[0], 'base');
   // Of a small stream one request has it all.
-}, {faults: {rate: 4, delay: 50}, streams: {'scene.l4d': join(work, 'long.l4d')}}));
+}, {faults: {rate: 4, delay: 50}, streams: {'long.l4d': join(work, 'long.l4d')}}));
 
 test('tiers come one after the other, and the last tier can be chosen', () => withPlayer(async (page, server) => {
   // Behind the header nothing comes until the worker knows the instant, so that no tier is here from another one.
