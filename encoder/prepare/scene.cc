@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <string>
 
+#include "encoder/prepare/estimates.h"
 #include "encoder/prepare/quality.h"
 #include "libl4dcodec/base/threads.h"
 #include "libl4dcodec/math/gauge.h"
@@ -27,52 +28,19 @@ constexpr double kBeyondTails = 1.25;
 
 float bounded_weight(double weight) { return static_cast<float>(std::min(weight, kMaxWeight)); }
 
-double seconds_of(const Sequence& part) { return part.end - part.begin; }
-
 double extent_of(const std::vector<double>& axis) {
   const size_t tail = static_cast<size_t>(kTail * static_cast<double>(axis.size()));
   const double most = axis[axis.size() - 1 - tail] - axis[tail];
   return std::min(kBeyondTails * most, axis.back() - axis.front());
 }
 
-// Stand-in for how much of the pictures shows Gaussian i: how large and for how long. Pictures show
-// about the scene: what is larger fills them, and no more.
-double shown_area(const EncoderScene& s, size_t i) {
-  const double most = s.extent > 0 ? std::log(s.extent / 2) : HUGE_VAL;
-  double scale[3];
-  for (size_t k = 0; k < 3; ++k) {
-    scale[k] = std::min(static_cast<double>(s.log_scale[4 * i + k]), most);
-  }
-  std::sort(scale, scale + 3);
-  const double area = std::exp(scale[1] + scale[2]);
-  const double shown = s.is_flat(i) ? seconds_of(s.shown(i)) : 8 * s.sigma_t(i);
-  const double life = std::min(1.0, shown / s.duration);
-  return area * life;
-}
-
-// Stand-in for a measured importance: how much of the picture, for how long, how opaque.
-float proxy_weight(const EncoderScene& s, size_t i) {
-  return static_cast<float>(static_cast<double>(s.opacity[i]) * shown_area(s, i));
-}
-
-// Squared change of the image by one number of each component, where only sums of derivatives or
-// nothing is known: averages over a trained scene (basketball) of the ratio to those sums and to
-// the blending weight. They say what matters more, not how much in decibels.
+// Squared change of the image by one number of each component, where only sums of derivatives are
+// known: averages over a trained scene (basketball) of the ratio to those sums. They say what
+// matters more, not how much in decibels.
 constexpr double kSquarePerSum[L4D_COMPONENT_COUNT] = {5e-3, 2.5e-3, 6e-2, 1.0};
-constexpr double kSquarePerAlpha[L4D_COMPONENT_COUNT] = {2e-3, 5e-4, 2e-2, 0};
-constexpr double kPositionPerScale = 1.5;  // in units of the largest scale
-constexpr double kTemporalPerPosition = 1.3;
-constexpr double kProxyGain = 0.7;  // where the default preset has about the fidelity it aims at
 
-// Part of the sequence in which Gaussian i is visible, in seconds.
-double seen_seconds(const EncoderScene& s, size_t i) {
-  if (s.is_flat(i)) return seconds_of(s.shown(i));
-  const double begin = s.timeline.time_begin;
-  const double reach = 4 * s.sigma_t(i);
-  const double span =
-      std::min(begin + s.duration, s.mean_t[i] + reach) - std::max(begin, s.mean_t[i] - reach);
-  return std::max(span, 0.0);
-}
+// Of measured and estimated squares, where the views are some of all.
+constexpr double kMeasuredPart = 0.25, kEstimatedPart = 0.5;
 
 double exposure_of(const EncoderInput& input, const EncoderScene& s, size_t i) {
   return input.exposure == nullptr ? 1.0 : static_cast<double>(input.exposure[s.source[i]]);
@@ -82,52 +50,62 @@ bool is_gauss_newton(const EncoderInput& input) {
   return input.importance.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
 }
 
-void set_importance(const EncoderInput& input, EncoderScene* scene) {
-  const bool gauss_newton = is_gauss_newton(input);
+void set_importance(const EncoderInput& input, int threads, EncoderScene* scene) {
   EncoderScene& s = *scene;
-  const float* alpha_t = input.importance.weights[L4D_WEIGHT_ALPHA_T];
+  const l4d_importance& given = input.importance;
+  const bool gauss_newton = is_gauss_newton(input);
+  const float* alpha_t = given.weights[L4D_WEIGHT_ALPHA_T];
   static constexpr unsigned kOwn[L4D_COMPONENT_COUNT] = {
       L4D_WEIGHT_SH, L4D_WEIGHT_SCALE, L4D_WEIGHT_ROTOR_SPATIAL, L4D_WEIGHT_ROTOR_TEMPORAL};
-  const bool estimates = alpha_t == nullptr && input.share == nullptr;
+  const float* own[L4D_COMPONENT_COUNT];
+  for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) own[c] = given.weights[kOwn[c]];
+  const float* own_position = gauss_newton ? given.weights[L4D_WEIGHT_POSITION] : nullptr;
+  // A few views say what matters there, and too little of what other views show.
+  const bool mixes = gauss_newton && alpha_t != nullptr && given.views == L4D_WEIGHT_VIEWS_SOME;
   double sum = 0;
-  const std::vector<double> estimated =
-      estimates ? estimated_shares(s, &sum) : std::vector<double>();
-  const auto share = [&](size_t i) {
-    return alpha_t != nullptr       ? static_cast<double>(alpha_t[s.source[i]])
-           : input.share != nullptr ? input.share[s.source[i]]
-                                    : estimated[i];
+  const std::vector<double> estimated = input.share == nullptr && (mixes || alpha_t == nullptr)
+                                            ? estimated_shares(s, &sum)
+                                            : std::vector<double>();
+  const ShapeFactors shape(s);
+  const auto estimate = [&](size_t i, bool of_alpha_t) {
+    const double share = of_alpha_t               ? static_cast<double>(alpha_t[s.source[i]])
+                         : input.share != nullptr ? input.share[s.source[i]]
+                                                  : estimated[i];
+    return shape.squares(i, share);
   };
-  const auto largest_scale = [&](size_t i) {
-    const float* l = s.log_scale.data() + 4 * i;
-    return std::exp(static_cast<double>(std::max({l[0], l[1], l[2]})));
-  };
-  const auto square = [](double v) { return v * v; };
   // Gauss-Newton weights add up the three channels of a pixel; an image error is their mean.
-  const auto gauss_newton_square = [](double v) { return v * v / 3; };
-  const float* own_position =
-      gauss_newton ? input.importance.weights[L4D_WEIGHT_POSITION] : nullptr;
+  const auto square = [](double v) { return v * v / 3; };
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) s.importance[c].resize(s.count);
   s.position_importance.resize(s.count);
-  for (size_t i = 0; i < s.count; ++i) {
+  const auto set = [&](size_t i) {
+    const size_t from = s.source[i];
     const double exposure = exposure_of(input, s, i);
+    ImageSquares squares = estimate(i, alpha_t != nullptr && !mixes);
+    const auto mix = [&](double measured, double* value) {
+      *value = mixes ? kMeasuredPart * measured + kEstimatedPart * *value : measured;
+    };
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-      const float* own = input.importance.weights[kOwn[c]];
-      const double given = own == nullptr ? 0.0 : static_cast<double>(own[s.source[i]]);
-      s.importance[c][i] = bounded_weight(exposure * (own == nullptr ? kSquarePerAlpha[c] * share(i)
-                                                      : gauss_newton ? gauss_newton_square(given)
-                                                                     : kSquarePerSum[c] * given));
+      if (own[c] == nullptr) continue;
+      const double weight = static_cast<double>(own[c][from]);
+      mix(gauss_newton ? square(weight) : kSquarePerSum[c] * weight, &squares.component[c]);
     }
-    s.position_importance[i] = bounded_weight(
-        own_position != nullptr
-            ? exposure * gauss_newton_square(static_cast<double>(own_position[s.source[i]]))
-            : kPositionPerScale * static_cast<double>(s.importance[L4D_COMPONENT_SCALE][i]) /
-                  square(largest_scale(i)));
-    if (input.importance.weights[L4D_WEIGHT_ROTOR_TEMPORAL] == nullptr) {
-      s.importance[L4D_COMPONENT_ROTOR_TEMPORAL][i] =
-          bounded_weight(kTemporalPerPosition * static_cast<double>(s.position_importance[i]) *
-                         square(seen_seconds(s, i)));
+    if (own_position != nullptr) {
+      mix(square(static_cast<double>(own_position[from])), &squares.position);
+    } else if (own[L4D_COMPONENT_SCALE] != nullptr) {
+      squares.position = shape.position_per_scale(i) * squares.component[L4D_COMPONENT_SCALE];
     }
-  }
+    if (own[L4D_COMPONENT_ROTOR_TEMPORAL] == nullptr) {
+      squares.component[L4D_COMPONENT_ROTOR_TEMPORAL] =
+          shape.temporal_per_position(i) * squares.position;
+    }
+    for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
+      s.importance[c][i] = bounded_weight(exposure * squares.component[c]);
+    }
+    s.position_importance[i] = bounded_weight(exposure * squares.position);
+  };
+  parallel_for(threads, s.count, kGrain, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) set(i);
+  });
 }
 
 Status check_numbers(const float* numbers, uint64_t count, const char* name) {
@@ -177,17 +155,6 @@ void refer_to_window(bool at_mean, size_t i, EncoderScene* scene) {
 }
 
 }  // namespace
-
-std::vector<double> estimated_shares(const EncoderScene& s, double* sum) {
-  std::vector<double> shares(s.count);
-  // Proxies are so often wrong that half of their octaves serve better.
-  const auto proxy = [&](size_t i) { return std::sqrt(static_cast<double>(proxy_weight(s, i))); };
-  for (size_t i = 0, n = *sum > 0 ? 0 : s.count; i < n; ++i) *sum += proxy(i);
-  for (size_t i = 0; i < s.count; ++i) {
-    shares[i] = *sum > 0 ? kProxyGain * proxy(i) / *sum : 1.0 / static_cast<double>(s.count);
-  }
-  return shares;
-}
 
 void slice_in_double(const float* rotor, const float* log_scale, SeenGaussian* out) {
   const Slice4D<double> slice = slice_attributes<double>(rotor, log_scale);
@@ -467,7 +434,7 @@ Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings,
   if (!settings.tiers().empty()) set_light(input, lossless, out);
   if (lossless) return {};
   set_weights(input, out);
-  set_importance(input, out);
+  set_importance(input, threads, out);
   return {};
 }
 

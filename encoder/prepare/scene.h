@@ -90,11 +90,6 @@ struct EncoderScene {
 // What a decoder's floats are over time: velocity, lambda and covariance of the slice.
 void slice_in_double(const float* rotor, const float* log_scale, SeenGaussian* out);
 
-// The part of the image that each Gaussian is, as estimated from opacity, size and life. Of scenes
-// that are not lossless. sum: of the estimates that shares are parts of; 0 = of this scene, which
-// it becomes.
-std::vector<double> estimated_shares(const EncoderScene& scene, double* sum);
-
 Status check_input(const EncoderInput& input);
 Status prepare_scene(const EncoderInput& input, const EncoderSettings& settings, int threads,
                      EncoderScene* out);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "encoder/prepare/estimates.h"
 #include "encoder/session/known_gaussians.h"
 #include "libl4dcodec/scene/attributes.h"
 #include "libl4dcodec/scene/slice.h"

@@ -173,7 +173,8 @@ enum {
   /* Every view that the scene is made for. A Gaussian whose alpha_t weight is 0 shows to nobody and
    * is dropped; one that costs more than it shows is dropped as the preset has it. */
   L4D_WEIGHT_VIEWS_ALL = 1,
-  /* Some of these views, or made-up ones. A Gaussian may show in others: none is dropped. */
+  /* Some of these views, or made-up ones. A Gaussian may show in others: none is dropped, and where
+   * ALPHA_T is given and the metric is Gauss-Newton's, half of what counts is an estimate. */
   L4D_WEIGHT_VIEWS_SOME = 2
 };
 
@@ -185,7 +186,7 @@ typedef struct l4d_importance {
   uint32_t metric; /* of the weights: L4D_SENSITIVITY_* */
   uint32_t views;  /* that they were measured from: L4D_WEIGHT_VIEWS_* */
   /* By L4D_WEIGHT_*: [N] or NULL; larger = more visible; finite and >= 0. A component without
-   * weights of its own uses ALPHA_T, and without that an estimate from opacity, projected area and
+   * weights of its own uses ALPHA_T, and without that an estimate from opacity, size, shape and
    * lifetime. ALPHA_T also decides what PRUNE_WEIGHT drops. */
   const float* weights[L4D_WEIGHT_COUNT];
   /* [N] scene units, or NULL; finite and >= 0. Sizes below which errors of single Gaussians do not
