@@ -40,11 +40,18 @@ ExitCode exit_code_of(l4d_status status) {
 
 Failure usage_error(const std::string& detail) { return Failure(kExitUsage, "USAGE", detail); }
 
-void require_renderer([[maybe_unused]] const std::string& what) {
-#ifndef L4D_HAVE_RENDERER
+bool has_renderer() {
+#ifdef L4D_HAVE_RENDERER
+  return true;
+#else
+  return false;
+#endif
+}
+
+void require_renderer(const std::string& what) {
+  if (has_renderer()) return;
   throw Failure(L4D_ERR_FEATURE_UNSUPPORTED,
                 "this build of l4dcodec has no renderer, which " + what + " needs");
-#endif
 }
 
 Failure current_failure(const std::string& subject) {

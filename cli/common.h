@@ -48,6 +48,7 @@ class Failure : public std::runtime_error {
   std::string name_;
 };
 Failure usage_error(const std::string& detail);
+bool has_renderer();
 // Throws a Failure (L4D_ERR_FEATURE_UNSUPPORTED) in a build without the renderer, which `what`
 // needs.
 void require_renderer(const std::string& what);

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "eval/motion.h"
+#include "io/camera/first_view.h"
 #include "libl4dcodec/scene/slice.h"
 
 namespace l4d::eval {
@@ -144,6 +145,27 @@ io::Scene instant_of(ShownMembers& members, double seconds) {
   const DecoderHandle& first = members.first();
   return scene_of(members.slice(seconds), members.timeline(), first.info().placement,
                   first.presentation());
+}
+
+CameraViews made_up_views(const io::Scene& scene, const io::Hold& holder) {
+  constexpr uint32_t kCameras = 36, kWidth = 320, kHeight = 180;
+  CameraViews made;
+  io::Scene middle = instant_of(scene, middle_of(scene.timeline));
+  // It tells places from objects.
+  if (middle.presentation.has_camera == 0) {
+    io::state_first_view(scene, &middle.presentation, holder);
+  }
+  made.set = io::orbit_cameras(middle, kCameras, kWidth, kHeight, holder);
+  const size_t count = made.set.cameras.size(), stride = golden_stride(count);
+  for (size_t k = 0; k < count; ++k) {
+    const double part = (static_cast<double>(k) + 0.5) / static_cast<double>(count);
+    io::View view;
+    view.camera = k * stride % count;
+    view.time = scene.timeline.time_begin + part * io::duration(scene.timeline);
+    view.frame = frame_of_time(scene.timeline, view.time);
+    made.views.push_back(view);
+  }
+  return made;
 }
 
 }  // namespace l4d::eval

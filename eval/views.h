@@ -43,4 +43,9 @@ io::Scene instant_of(const io::Scene& scene, double seconds);
 io::Scene instant_of(const DecoderHandle& decoder, double seconds);
 io::Scene instant_of(ShownMembers& members, double seconds);
 
+// Views of a scene that comes without cameras: of an orbit (io::orbit_cameras), within a place and
+// around an object, as the first view tells that is stated or would be; each at another instant,
+// small enough to cost little beside an encode.
+CameraViews made_up_views(const io::Scene& scene, const io::Hold& holder = {});
+
 }  // namespace l4d::eval

@@ -87,6 +87,7 @@ Encoded encode(const io::Scene& scene, const io::Weights& weights, const Coding&
   e.check(l4d_encoder_set_scene(e.get(), &view, &scene.timeline, &scene.placement));
   l4d_importance importance = weights.view();
   importance.count = scene.count();  // of none, too
+  importance.views = coding.views;
   e.check(l4d_encoder_set_importance(e.get(), &importance));
   eval::Observer quiet;
   Encoded best;

@@ -30,6 +30,7 @@ struct Coding {
   uint64_t seed = 0;
   // Of the weights it is encoded with: thresholds of the paper's presets are in units of the sum.
   uint32_t metric = L4D_SENSITIVITY_GAUSS_NEWTON;
+  uint32_t views = L4D_WEIGHT_VIEWS_UNKNOWN;  // that they were measured from
 
   Coding with(const std::string& parameter, double value) const {
     Coding c = *this;

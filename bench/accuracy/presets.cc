@@ -44,10 +44,14 @@ Json preset_row(Bench& bench, const BenchScene& scene, const char* name) {
   const Measured& measured = bench.measured(scene, coding.metric);
   const int runs = bench.quick() ? 1 : 3;
   const Encoded with = encode(scene.scene, measured.weights, coding, runs);
+  // As the tool encodes a scene that comes without cameras.
+  const bool is_paper = coding.metric == L4D_SENSITIVITY_SUM;
+  const bool looks_around = !is_paper && std::string(name) != "lossless";
+  const Measured made_up = looks_around ? measure_made_up(scene.scene) : Measured();
   // The paper's pruning is by a weight that is not there then.
-  const Encoded without = encode(
-      scene.scene, io::Weights{},
-      coding.metric == L4D_SENSITIVITY_SUM ? coding.with(L4D_ENC_PRUNE_WEIGHT, -1) : coding, runs);
+  Coding unweighted = is_paper ? coding.with(L4D_ENC_PRUNE_WEIGHT, -1) : coding;
+  unweighted.views = looks_around ? L4D_WEIGHT_VIEWS_SOME : L4D_WEIGHT_VIEWS_UNKNOWN;
+  const Encoded without = encode(scene.scene, made_up.weights, unweighted, runs);
   const WorstGaussian worst = worst_gaussian(scene.scene, with);
   const Playback p = play(scene, with.file, bench.quick() ? 3 : 9);
   const Judge& judge = bench.judge(scene);
@@ -63,7 +67,7 @@ Json preset_row(Bench& bench, const BenchScene& scene, const char* name) {
           {"encode_s", with.report.total_seconds},
           {"bytes_unweighted", without.file.size()},
           {"fidelity_unweighted_db", std::min(judge.of_file(without.file).psnr, kMaxDecibels)},
-          {"encode_unweighted_s", without.report.total_seconds},
+          {"encode_unweighted_s", made_up.seconds + without.report.total_seconds},
           {"decode_s", p.decode},
           {"first_slice_s", p.first_slice},
           {"next_slice_s", p.next_slice},

@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "bench/accuracy/timing.h"
+#include "eval/views.h"
 #include "io/ply/weights.h"
 #include "l4d/render.hpp"
 
@@ -110,24 +111,47 @@ l4d_measure_options measure_options(uint32_t metric, double agreement, double ma
   return options;
 }
 
-Measured measure(const BenchScene& s, const l4d_measure_options& options,
-                 const l4d_renderer_options* renderer_options) {
+namespace {
+
+Measured measure_views(const io::Scene& scene, const std::vector<l4d_camera>& cameras,
+                       const std::vector<l4d_view>& views, const l4d_measure_options& options,
+                       const l4d_renderer_options* renderer_options) {
   Measured m;
   m.report = L4D_INIT(l4d_measure_report);
+  const double started = seconds_now();
+  RendererHandle renderer(renderer_options);
+  renderer.set_gaussians(scene.view(), scene.timeline);
+  const auto columns = m.weights.make_columns(scene.count());
+  renderer.check(l4d_measure_importance(
+      renderer.get(), cameras.data(), static_cast<uint32_t>(cameras.size()), views.data(),
+      views.size(), &options, columns.data(), scene.count(), &m.report));
+  m.weights.gauss_newton = options.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
+  m.seconds = seconds_now() - started;
+  return m;
+}
+
+}  // namespace
+
+Measured measure(const BenchScene& s, const l4d_measure_options& options,
+                 const l4d_renderer_options* renderer_options) {
   std::vector<l4d_view> views;
   for (uint32_t frame = 0; frame < s.scene.timeline.num_frames; ++frame) {
     for (const uint32_t camera : s.training) views.push_back({s.time_of(frame), camera, 0});
   }
-  const double started = seconds_now();
-  RendererHandle renderer(renderer_options);
-  renderer.set_gaussians(s.scene.view(), s.scene.timeline);
-  const auto columns = m.weights.make_columns(s.scene.count());
-  renderer.check(l4d_measure_importance(
-      renderer.get(), s.cameras.data(), static_cast<uint32_t>(s.cameras.size()), views.data(),
-      views.size(), &options, columns.data(), s.scene.count(), &m.report));
-  m.weights.gauss_newton = options.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
-  m.seconds = seconds_now() - started;
-  return m;
+  return measure_views(s.scene, s.cameras, views, options, renderer_options);
+}
+
+Measured measure_made_up(const io::Scene& scene) {
+  const eval::CameraViews made_up = eval::made_up_views(scene);
+  std::vector<l4d_camera> cameras;
+  for (const io::Camera& camera : made_up.set.cameras) cameras.push_back(camera.camera);
+  std::vector<l4d_view> views;
+  for (const io::View& view : made_up.views) {
+    views.push_back({view.time, static_cast<uint32_t>(view.camera), 0});
+  }
+  constexpr double kAllViews = 2;  // a correlation never gets there
+  return measure_views(scene, cameras, views,
+                       measure_options(L4D_SENSITIVITY_GAUSS_NEWTON, kAllViews), nullptr);
 }
 
 Measured measure_cached(const BenchScene& s, const l4d_measure_options& options,

@@ -21,7 +21,9 @@ l4d_measure_options measure_options(uint32_t metric, double agreement, double ma
 // All training cameras at all instants. renderer: NULL for the defaults.
 Measured measure(const BenchScene& scene, const l4d_measure_options& options,
                  const l4d_renderer_options* renderer = nullptr);
-// The same, taken from `path` if that was written for this scene, these cameras and options.
+// As the tool measures a scene that comes without cameras.
+Measured measure_made_up(const io::Scene& scene);
+// The first, taken from `path` if that was written for this scene, these cameras and options.
 Measured measure_cached(const BenchScene& scene, const l4d_measure_options& options,
                         const std::string& path);
 

@@ -41,6 +41,7 @@ struct EncodeArguments {
   MeasureArguments measure;
   std::string save_weights;
   bool no_prune = false;
+  bool estimate = false;
   std::string refit;  // "" = where the views are all there are
   std::string order;
   uint64_t seed = 0;
@@ -55,6 +56,11 @@ struct EncodeArguments {
 
   // With weights of a file, cameras say only how small a Gaussian can look, and serve a target.
   bool measures() const { return cameras.given() && weights.empty(); }
+  // Whether views are made up for a scene that comes without cameras. The pieces of a recording
+  // that grows are not waited for, and all have importance of one kind.
+  bool may_look_around() const {
+    return !cameras.given() && weights.empty() && !estimate && !live.live && has_renderer();
+  }
   // Whether the views are all that the scene is made for.
   bool has_all_views() const {
     return cameras.orbit == 0 && cameras.frames.empty() && cameras.ids.empty();
@@ -100,6 +106,9 @@ void check_importance(const EncodeArguments& arguments, const std::optional<eval
   if (!measures && !arguments.save_weights.empty()) {
     throw usage_error("--save-weights needs --cameras");
   }
+  if (arguments.estimate && (measures || !arguments.weights.empty())) {
+    throw usage_error("--estimate excludes --cameras, --orbit and --weights");
+  }
   if (const std::string obstacle = refit_obstacle(arguments, target.has_value());
       !arguments.refit.empty() && arguments.refit != "0" && !obstacle.empty()) {
     throw usage_error("--refit " + obstacle);
@@ -135,15 +144,27 @@ void tell_pruning(Context& context, const EncodeArguments& arguments,
 struct Measuring {
   eval::CameraViews views;
   MeasureArguments how;
+  bool made_up = false;  // for a scene that comes without cameras
 
+  // Views that the arguments ask for.
   Measuring(Context& context, const EncodeArguments& arguments, const io::Scene& scene)
       : views(
             choose_views(context, arguments.cameras, "train", scene.timeline,
                          [&] { return eval::instant_of(scene, eval::middle_of(scene.timeline)); })),
-        how(arguments.measure) {
+        how(how_of(arguments)) {}
+  Measuring(const EncodeArguments& arguments, eval::CameraViews made_up_views)
+      : views(std::move(made_up_views)), how(how_of(arguments)), made_up(true) {
+    how.all_views = true;
+    how.alone = true;  // they are few
+  }
+
+ private:
+  static MeasureArguments how_of(const EncodeArguments& arguments) {
+    MeasureArguments how = arguments.measure;
     how.seed = arguments.seed;
     // The thresholds of these presets are in units of sums.
     if (arguments.parameters.preset.rfind("paper-", 0) == 0) how.metric = "sum";
+    return how;
   }
 };
 
@@ -152,10 +173,32 @@ Importance measure(Context& context, const Input& input, const io::Scene& scene,
   Importance importance = about(input.name(), [&] {
     return measure_importance(context, "encode", scene, measuring.views, measuring.how);
   });
+  importance.made_up = measuring.made_up;
   if (importance.report.unseen == scene.count()) {
     throw Failure(L4D_ERR_INVALID_SCENE, "the cameras show nothing of " + input.name());
   }
   return importance;
+}
+
+// Importance from views that are made up; none where they show nothing or there is no memory for
+// them, since the user did not ask for any.
+std::optional<Importance> look_around(Context& context, const EncodeArguments& arguments,
+                                      const Input& input, const io::Scene& scene) {
+  const auto may_be_left_out = [](const std::string& status) {
+    return status == l4d_status_name(L4D_ERR_INVALID_SCENE) ||
+           status == l4d_status_name(L4D_ERR_LIMIT_EXCEEDED);
+  };
+  try {
+    const Measuring measuring = about(input.name(), [&] {
+      return Measuring(arguments, eval::made_up_views(scene, context.budget().holder()));
+    });
+    return measure(context, input, scene, measuring);
+  } catch (const Failure& failure) {
+    if (!may_be_left_out(failure.name())) throw;
+    context.note(std::string("importance is estimated, without views that are made up: ") +
+                 failure.what());
+    return std::nullopt;
+  }
 }
 
 void write_stream(const std::string& path, const std::vector<unsigned char>& stream) {
@@ -389,22 +432,30 @@ std::optional<Importance> set_weights(Context& context, const EncodeArguments& a
                                       const EncoderHandle& encoder,
                                       const std::optional<Measuring>& measuring,
                                       std::optional<Output>& saved, EncoderImportance& told) {
-  const auto tell = [&](const std::string& name, io::Weights weights) {
-    told.set_weights(name, std::move(weights), arguments.weight_views(), scene.count());
+  const auto tell = [&](const std::string& name, io::Weights weights, uint32_t views) {
+    told.set_weights(name, std::move(weights), views, scene.count());
     about(name, [&] { told.tell(encoder); });
   };
   if (!arguments.weights.empty()) {
-    tell(arguments.weights, about(arguments.weights, [&] {
-           return io::read_weights_ply(arguments.weights, context.budget().holder());
-         }));
+    tell(arguments.weights,
+         about(arguments.weights,
+               [&] { return io::read_weights_ply(arguments.weights, context.budget().holder()); }),
+         L4D_WEIGHT_VIEWS_UNKNOWN);
   }
-  if (!measuring) return std::nullopt;
-  Importance importance = measure(context, input, scene, *measuring);
+  const bool looks_around = arguments.may_look_around() && eval::has_quality(encoder);
+  std::optional<Importance> importance;
+  if (measuring) {
+    importance = measure(context, input, scene, *measuring);
+  } else if (looks_around) {
+    importance = look_around(context, arguments, input, scene);
+  }
+  if (!importance) return std::nullopt;
   if (saved) {
-    io::write_weights_ply(saved->path(), importance.weights);
+    io::write_weights_ply(saved->path(), importance->weights);
     saved->finish();
   }
-  tell(kMeasuredWeights, std::move(importance.weights));
+  tell(kMeasuredWeights, std::move(importance->weights),
+       looks_around ? uint32_t{L4D_WEIGHT_VIEWS_SOME} : arguments.weight_views());
   return importance;
 }
 
@@ -462,6 +513,7 @@ Outcome describe(const EncodeArguments& arguments, const Input& input, const io:
   }
   if (importance) {
     outcome.json["sensitivity"] = importance->json();
+    outcome.json["sensitivity"]["made_up"] = importance->made_up;
     outcome.text += importance->text();
   }
   if (refit) refit->describe(&outcome);
@@ -675,8 +727,7 @@ void add_encode(Registry& registry) {
           "PLY with the importance of each Gaussian (comment l4d_weights 1). alpha_t, "
           "weight_sh, weight_scale, weight_rotor_spatial and weight_rotor_temporal are used as "
           "they are; without weight_sh, SH takes 0.6 alpha_t, and not weight_sh_gradient, which "
-          "is zero where a colour is clamped, though that Gaussian occludes others. Without "
-          "weights: a proxy of opacity, area and lifetime")
+          "is zero where a colour is clamped, though that Gaussian occludes others")
       ->type_name("FILE");
   verb->add_option("--save-weights", arguments->save_weights,
                    "Also write the weights measured, for `--weights`")
@@ -686,6 +737,10 @@ void add_encode(Registry& registry) {
       "Keep Gaussians that show in no view, and those that cost more bits than they show, "
       "whatever the preset says. With --cameras both are dropped otherwise, unless views were "
       "chosen by --frames or --ids or made up");
+  verb->add_flag(
+      "--estimate", arguments->estimate,
+      "Estimate importance from sizes, opacities and lifetimes. Without it, a scene that "
+      "comes without cameras and weights is looked at from 36 views that are made up");
   add_refit_option(verb, arguments->refit);
   verb->add_option("--seed", arguments->seed, "Equal seeds give equal files on one machine")
       ->type_name("N")

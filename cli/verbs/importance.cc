@@ -78,8 +78,9 @@ Json Importance::json() const {
 
 std::string Importance::text() const {
   std::string t =
-      format("importance from %s of %s views in %s", format_count(report.views_measured).c_str(),
-             format_count(report.views).c_str(), format_seconds(seconds).c_str());
+      format("importance from %s of %s %s in %s", format_count(report.views_measured).c_str(),
+             format_count(report.views).c_str(), made_up ? "made-up views" : "views",
+             format_seconds(seconds).c_str());
   t += report.rounds > 1 || report.agreed != 0 ? "; halves agree to" : "";
   if (report.rounds > 1 || report.agreed != 0) {
     for (uint32_t c = 0; c < L4D_COMPONENT_COUNT; ++c) {

@@ -33,6 +33,7 @@ struct Importance {
   io::Weights weights;
   l4d_measure_report report;
   double seconds = 0;
+  bool made_up = false;  // the views: for a scene that comes without cameras
 
   Json json() const;
   std::string text() const;

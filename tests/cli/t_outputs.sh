@@ -65,7 +65,8 @@ import sys
 import time
 unread, full = os.pipe2(os.O_DIRECT)  # each line takes a page of its own
 fcntl.fcntl(full, 1031, 4096)  # F_SETPIPE_SZ, which Python has from 3.10 on
-process = subprocess.Popen([sys.argv[1], "encode", "s.ply", "-o", "killed/s.l4d", "--progress", "json"], stderr=full)
+process = subprocess.Popen([sys.argv[1], "encode", "s.ply", "-o", "killed/s.l4d", "--estimate", "--progress", "json"],
+                           stderr=full)
 end = time.monotonic() + 120
 while not os.listdir("killed"):
     assert process.poll() is None and time.monotonic() < end, "no temporary file"

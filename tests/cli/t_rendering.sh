@@ -4,8 +4,8 @@
 # `render`, and back into a PLY.
 make_scene s.ply 3k
 make_cameras c.json
-expect 0 encode s.ply -o plain.l4d
-expect 0 encode s.ply -o stated.l4d --rendering dilation=2,compensation=1 \
+expect 0 encode s.ply -o plain.l4d --estimate
+expect 0 encode s.ply -o stated.l4d --estimate --rendering dilation=2,compensation=1 \
   --presentation playback=loop,camera=0:1:5:0:0:0:0:1:0:50
 expect_document 0 info plain.l4d
 expect_json out 'not d["rendering"]["stated"] and d["rendering"]["dilation"] - 0.3 < 1e-6'

@@ -60,3 +60,27 @@ expect_json out 'd["error"]["name"] == "L4D_ERR_INVALID_SCENE"'
 expect_missing x.l4d
 expect_document 0 encode nan.ply -o x.l4d --drop-invalid
 expect_json out 'd["invalid_dropped"] == 1 and d["coded_gaussians"] == 2999'
+# What renderers refuse is not looked at.
+expect_json out '"sensitivity" not in d'
+expect_json out 'any("importance is estimated, without views that are made up: nan.ply" in n for n in d["notes"])'
+
+# A scene that comes without cameras and weights is looked at, for any number of threads; nothing of it is pruned.
+expect_document 0 encode s.ply -o looked.l4d
+expect_json out 'd["sensitivity"]["made_up"] and d["sensitivity"]["views_measured"] == 36 and d["pruned"] == 0'
+expect 0 encode s.ply -o threads.l4d --threads 3
+cmp looked.l4d threads.l4d
+expect_text out 'importance from 36 of 36 made-up views'
+for options in --estimate '--preset lossless' '--preset paper-small --set prune-weight=-1'; do
+  # shellcheck disable=SC2086
+  expect_document 0 encode s.ply -o plain.l4d -f $options
+  expect_json out '"sensitivity" not in d'
+  if cmp -s looked.l4d plain.l4d; then die "views do nothing"; fi
+done
+for options in '--weights w.ply' '--orbit 3'; do
+  # shellcheck disable=SC2086
+  expect 2 encode s.ply -o misused.l4d --estimate $options
+done
+expect_missing misused.l4d
+# Cameras, too, of which some are left out: half of what counts is what they show.
+expect_document 0 encode s.ply -o orbit.l4d --orbit 3 --frames 0
+expect_json out 'not d["sensitivity"]["made_up"] and d["pruned"] == 0'

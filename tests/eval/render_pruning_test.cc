@@ -9,6 +9,7 @@
 #include "eval/pruning.h"
 #include "io/synth/synth.h"
 #include "l4d/experimental/sensitivity.hpp"
+#include "libl4dcodec/scene/window.h"
 
 namespace l4d::eval {
 namespace {
@@ -117,6 +118,24 @@ TEST(DealViews, ChecksByTheViewsOfTheFitWhereThereAreNoOthers) {
   const DealtViews dealt = deal_views(s.views, 100);
   EXPECT_EQ(chosen(dealt.fit).size(), one.size());
   EXPECT_EQ(chosen(dealt.check), chosen(dealt.fit));
+}
+
+// Each camera of the orbit once, each at another instant of the sequence.
+TEST(MadeUpViews, LookFromAllSidesAtAllTimes) {
+  io::Scene scene = faint_scene();
+  scene.timeline.time_begin = -7;
+  const CameraViews views = made_up_views(scene);
+  std::set<size_t> cameras;
+  for (const io::View& view : views.views) {
+    cameras.insert(view.camera);
+    EXPECT_EQ(view.frame, frame_of_time(scene.timeline, view.time));
+  }
+  EXPECT_EQ(cameras.size(), views.set.cameras.size());
+  EXPECT_EQ(views.views.size(), cameras.size());
+  EXPECT_EQ(num_instants(views), cameras.size());
+  const double duration = io::duration(scene.timeline);
+  EXPECT_NEAR(views.views.front().time, -7, 0.02 * duration);
+  EXPECT_NEAR(views.views.back().time, -7 + duration, 0.02 * duration);
 }
 
 // Half of the Gaussians of every pile go; the others make up for them.
