@@ -62,9 +62,8 @@ from the training views, unless a table says otherwise. Fidelity is over all cam
 frame in "Quality, bytes and layers in detail", at four instants in the others. CPU seconds are those of
 all threads, which other work on the machine disturbs little.
 
-Nothing here is refitted: the tool has these figures with `encode --refit 0`. By default it does more
-only if renders of the stream miss the fidelity by more than 0.5 dB; [decision
-23](decisions/0023-prune-refit-check.md) has the figures of that.
+Nothing here is refitted: the tool has these figures with `encode --refit 0`. By default it prunes and fits opacities if
+cameras are given; README and [decision 23](decisions/0023-prune-refit-check.md) have the figures of that.
 """
 ABLATIONS_INTRODUCTION = """\
 # Ablations

@@ -329,14 +329,6 @@ LoadedScene load(Context& context, const EncodeArguments& arguments, const Input
   return loaded;
 }
 
-// What a rank does for the one that writes the file.
-void help_to_measure(Context& context, const EncodeArguments& arguments) {
-  const Input input(context, arguments.input);
-  if (!arguments.measures()) return;
-  const LoadedScene loaded = load(context, arguments, input);
-  measure(context, input, loaded.scene, Measuring(context, arguments, loaded.scene));
-}
-
 // The files that a command writes.
 struct Outputs {
   std::string name;
@@ -392,7 +384,11 @@ void set_parameters(Context& context, const EncodeArguments& arguments, bool has
   }
 }
 
-constexpr uint32_t kRefitPasses = 4;
+// Of a refit, unless the user says otherwise: on processors two passes bring most of what four do.
+constexpr uint32_t kDevicePasses = 4, kHostPasses = 2;
+// Views that are measured before a refit on processors: more than agree, since what is pruned by
+// them is gone.
+constexpr size_t kViewsBefore = 700;
 
 // Bounds of colours follow a quality below that of the preset. A refit changes the quality, and the
 // bounds stay those of the fidelity aimed at.
@@ -410,13 +406,16 @@ void keep_color_bounds(const EncodeArguments& arguments, const EncoderHandle& en
 
 // Passes of the fit of opacities, 0 = none: by default where the encoder would otherwise drop
 // Gaussians by what they cost.
-uint32_t refit_passes(const EncodeArguments& arguments, bool has_target,
+uint32_t refit_passes(const EncodeArguments& arguments, bool has_target, uint32_t backend,
                       const EncoderHandle& encoder) {
   if (arguments.refit == "0" || !refit_obstacle(arguments, has_target).empty()) return 0;
   const bool can = eval::has_quality(encoder) &&
                    eval::get_parameter(encoder, L4D_ENC_PRUNE_COST) > 0 &&
                    eval::get_parameter(encoder, L4D_ENC_PRUNE_WEIGHT) < 0;
-  if (arguments.refit.empty()) return can && arguments.has_all_views() ? kRefitPasses : 0;
+  if (arguments.refit.empty()) {
+    if (!can || !arguments.has_all_views()) return 0;
+    return backend == L4D_BACKEND_CUDA ? kDevicePasses : kHostPasses;
+  }
   if (!can) {
     throw usage_error("--refit: the preset '" + arguments.parameters.preset +
                       "' with what is set prunes nothing by a quality");
@@ -459,11 +458,25 @@ std::optional<Importance> set_weights(Context& context, const EncodeArguments& a
   return importance;
 }
 
+// passes: of a refit, 0 = none.
 std::optional<Measuring> choose_measuring(Context& context, const EncodeArguments& arguments,
-                                          const io::Scene& scene) {
+                                          const io::Scene& scene, uint32_t passes) {
   std::optional<Measuring> measuring;
-  if (arguments.measures()) measuring.emplace(context, arguments, scene);
+  if (!arguments.measures()) return measuring;
+  measuring.emplace(context, arguments, scene);
+  if (passes > 0 && context.backend() != L4D_BACKEND_CUDA && !arguments.measure.given()) {
+    measuring->how.most_views = kViewsBefore;
+  }
   return measuring;
+}
+
+// What a rank does for the one that writes the file.
+void help_to_measure(Context& context, const EncodeArguments& arguments, uint32_t passes) {
+  const Input input(context, arguments.input);
+  if (!arguments.measures()) return;
+  const LoadedScene loaded = load(context, arguments, input);
+  measure(context, input, loaded.scene,
+          *choose_measuring(context, arguments, loaded.scene, passes));
 }
 
 // path: "" = into memory.
@@ -607,7 +620,7 @@ Outcome run_live(Context& context, const EncodeArguments& arguments) {
     about(piece.name(), [&] { set_scene(context, arguments, loaded.scene, encoder, &told); });
     std::optional<Output> unused;
     set_weights(context, arguments, piece, loaded.scene, encoder,
-                choose_measuring(context, arguments, loaded.scene), unused, told);
+                choose_measuring(context, arguments, loaded.scene, 0), unused, told);
     use(loaded.scene);
   };
   Outcome outcome = encode_live(context, arguments.live, arguments.inputs, name, {encoder, read});
@@ -635,22 +648,22 @@ Outcome run_encode(Context& context, EncodeArguments& arguments) {
   if (arguments.live.live) return run_live(context, arguments);
   find_frames(context, &arguments);
   register_inputs(context, arguments);
+  // Parameters before the scene: a wrong one should not cost the time of reading.
+  const EncoderHandle encoder = make_encoder(context, arguments);
+  set_parameters(context, arguments, target.has_value(), encoder);
+  const uint32_t passes = refit_passes(arguments, target.has_value(), context.backend(), encoder);
   if (context.group().helps()) {
-    help_to_measure(context, arguments);
+    help_to_measure(context, arguments, passes);
     return {};
   }
   Outputs outputs(context, arguments);
   const Input input(context, arguments.input);
-  // Parameters before the scene: a wrong one should not cost the time of reading.
-  const EncoderHandle encoder = make_encoder(context, arguments);
-  set_parameters(context, arguments, target.has_value(), encoder);
-  const uint32_t passes = refit_passes(arguments, target.has_value(), encoder);
   const LoadedScene loaded = load(context, arguments, input);
   const io::Scene& scene = loaded.scene;
   EncoderImportance told;
   about(input.name(), [&] { set_scene(context, arguments, scene, encoder, &told); });
   const double read_seconds = watch.seconds();
-  const std::optional<Measuring> measuring = choose_measuring(context, arguments, scene);
+  const std::optional<Measuring> measuring = choose_measuring(context, arguments, scene, passes);
   const std::optional<Importance> importance =
       set_weights(context, arguments, input, scene, encoder, measuring, outputs.weights, told);
   eval::Encoding encoding;
@@ -689,14 +702,36 @@ Outcome run_encode(Context& context, EncodeArguments& arguments) {
   return outcome;
 }
 
+void add_weight_options(Verb* verb, EncodeArguments& arguments) {
+  verb->add_option(
+          "--weights", arguments.weights,
+          "PLY with the importance of each Gaussian (comment l4d_weights 1). alpha_t, "
+          "weight_sh, weight_scale, weight_rotor_spatial and weight_rotor_temporal are used as "
+          "they are; without weight_sh, SH takes 0.6 alpha_t, and not weight_sh_gradient, which "
+          "is zero where a colour is clamped, though that Gaussian occludes others")
+      ->type_name("FILE");
+  verb->add_option("--save-weights", arguments.save_weights,
+                   "Also write the weights measured, for `--weights`")
+      ->type_name("FILE");
+  verb->add_flag(
+      "--no-prune", arguments.no_prune,
+      "Keep Gaussians that show in no view, and those that cost more bits than they show, "
+      "whatever the preset says. With --cameras both are dropped otherwise, unless views were "
+      "chosen by --frames or --ids or made up");
+  verb->add_flag(
+      "--estimate", arguments.estimate,
+      "Estimate importance from sizes, opacities and lifetimes. Without it, a scene that "
+      "comes without cameras and weights is looked at from 36 views that are made up");
+}
+
 void add_refit_option(Verb* verb, std::string& passes) {
   verb->add_option(
           "--refit", passes,
           "After pruning, fit the opacities of the Gaussians that stay so that renders match the "
           "scene's, in so many passes over views; prune and code as far as the fidelity aimed at "
-          "allows, as renders show it. 0: prune by weights alone and render nothing. Default: 4 "
-          "where renders show that weights alone miss the fidelity aimed at by more than 0.5 dB; 0 "
-          "where views were chosen by --frames or --ids or made up")
+          "allows, as renders show it. 0: prune by weights alone and render nothing. Default: 2, "
+          "on a CUDA device 4, if that saves bytes; 0 where views were chosen by --frames or --ids "
+          "or made up")
       ->type_name("PASSES")
       ->whole_number(0, 64);
 }
@@ -722,25 +757,7 @@ void add_encode(Registry& registry) {
   add_live_options(verb, arguments->live);
   arguments->cameras.add_options(verb, &arguments->import.seconds);
   arguments->measure.add_options(verb);
-  verb->add_option(
-          "--weights", arguments->weights,
-          "PLY with the importance of each Gaussian (comment l4d_weights 1). alpha_t, "
-          "weight_sh, weight_scale, weight_rotor_spatial and weight_rotor_temporal are used as "
-          "they are; without weight_sh, SH takes 0.6 alpha_t, and not weight_sh_gradient, which "
-          "is zero where a colour is clamped, though that Gaussian occludes others")
-      ->type_name("FILE");
-  verb->add_option("--save-weights", arguments->save_weights,
-                   "Also write the weights measured, for `--weights`")
-      ->type_name("FILE");
-  verb->add_flag(
-      "--no-prune", arguments->no_prune,
-      "Keep Gaussians that show in no view, and those that cost more bits than they show, "
-      "whatever the preset says. With --cameras both are dropped otherwise, unless views were "
-      "chosen by --frames or --ids or made up");
-  verb->add_flag(
-      "--estimate", arguments->estimate,
-      "Estimate importance from sizes, opacities and lifetimes. Without it, a scene that "
-      "comes without cameras and weights is looked at from 36 views that are made up");
+  add_weight_options(verb, *arguments);
   add_refit_option(verb, arguments->refit);
   verb->add_option("--seed", arguments->seed, "Equal seeds give equal files on one machine")
       ->type_name("N")

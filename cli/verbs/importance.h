@@ -19,8 +19,9 @@ struct MeasureArguments {
   std::string max_share;
   std::string metric = kDefault;
   std::string visibility = "few";
-  uint64_t seed = 0;   // of the random signs of gauss-newton
-  bool alone = false;  // without the other ranks, if there are any
+  size_t most_views = 0;  // measured, whether they agree or not; 0: until they agree
+  uint64_t seed = 0;      // of the random signs of gauss-newton
+  bool alone = false;     // without the other ranks, if there are any
 
   void add_options(Verb* verb);
   bool given() const;  // whether any option was

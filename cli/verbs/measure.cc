@@ -12,7 +12,8 @@
 namespace l4d::cli {
 namespace {
 
-l4d_measure_options options_of(const MeasureArguments& a) {
+l4d_measure_options options_of(const MeasureArguments& a, size_t num_views) {
+  constexpr double kNever = 2;  // a correlation does not get there
   a.check();
   l4d_measure_options options = L4D_INIT(l4d_measure_options);
   if (a.metric == "gauss-newton") options.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
@@ -20,8 +21,11 @@ l4d_measure_options options_of(const MeasureArguments& a) {
   if (!a.agreement.empty()) options.agreement = parse_number(a.agreement, "--agreement");
   options.visibility_all = a.visibility == "all" ? 1 : 0;
   options.skip_visibility = a.visibility == "none" ? 1 : 0;
-  if (a.all_views) options.agreement = 2;  // a correlation never gets there
+  if (a.all_views || a.most_views > 0) options.agreement = kNever;
   if (!a.max_share.empty()) options.max_share = parse_number(a.max_share, "--max-share");
+  if (a.most_views > 0 && a.most_views < num_views) {
+    options.max_share = static_cast<double>(a.most_views) / static_cast<double>(num_views);
+  }
   return options;
 }
 
@@ -30,7 +34,7 @@ l4d_measure_options options_of(const MeasureArguments& a) {
 Importance measure_importance(Context& context, const std::string& verb, const io::Scene& scene,
                               const eval::CameraViews& all, const MeasureArguments& arguments) {
   const Stopwatch watch;
-  l4d_measure_options options = options_of(arguments);
+  l4d_measure_options options = options_of(arguments, all.views.size());
   options.group = arguments.alone ? nullptr : context.group().handle();
   std::vector<l4d_camera> cameras;
   for (const io::Camera& camera : all.set.cameras) cameras.push_back(camera.camera);

@@ -20,6 +20,8 @@ namespace {
 // missing.
 constexpr double kTolerance = 0.4, kMissed = 0.5;
 constexpr size_t kMostTrials = 4;
+// Views that are measured again where they are counted.
+constexpr size_t kViewsAfter = 300;
 // Views of the fit that are worth their time.
 constexpr size_t kDeviceViews = 600, kHostViews = 150;
 // Bytes grow by this share with each decibel, about. A fit does not pay that saves less than 2 %,
@@ -106,6 +108,10 @@ struct Refit::Parts {
     });
     MeasureArguments how = input.measure;
     how.alone = true;  // other ranks have no part to measure
+    if (how.most_views > 0) {
+      how.most_views = kViewsAfter;
+      how.visibility = "none";  // what stays stays
+    }
     weights = timed([&] {
       const Importance again = measure_importance(context, "encode", pruned.part, input.views, how);
       return spread(again.weights, pruned.kept);
@@ -169,9 +175,6 @@ eval::Encoding Refit::encode(const EncoderHandle& encoder, const io::Weights& we
       Progress progress(parts.context, "encode");
       return parts.check(plain.stream, progress);
     });
-    // On a processor the fit takes long.
-    const bool keeps = parts.plain->fidelity.psnr >= parts.input.fidelity - kMissed;
-    if (keeps && parts.context.backend() != L4D_BACKEND_CUDA) return plain;
   }
   parts.fit(weights, passes);
   calls.replace(parts.pruned.opacity, parts.weights);
@@ -227,8 +230,9 @@ void Refit::describe(Outcome* outcome) const {
   std::string& text = outcome->text;
   if (parts.is_pruned()) {
     const eval::PruneTrial& trial = pruned.trials[pruned.result];
-    text += format("pruned to %s Gaussians, opacities fitted in %u passes over %zu views",
-                   format_count(trial.kept).c_str(), trial.passes, parts.views->fit().num_views());
+    text += format("pruned to %s Gaussians, opacities fitted in %u %s over %zu views",
+                   format_count(trial.kept).c_str(), trial.passes,
+                   trial.passes == 1 ? "pass" : "passes", parts.views->fit().num_views());
   } else {
     text += "nothing pruned: no threshold leaves enough fidelity";
   }

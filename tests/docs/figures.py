@@ -8,7 +8,8 @@
     figures.py --write TOOL  writes all of these into the pages
     figures.py --self-test   shows that a figure that is off by its last digit is found
 
-Bytes do not depend on the machine: the encoder gives the same ones with any number of threads.
+Bytes do not depend on the number of threads. Where importance is measured from views they depend a little on the vector
+unit of the machine, since renders round as it does: figures of such encodes may be off by 0.3 %.
 """
 
 import json
@@ -47,6 +48,12 @@ def unmeasured(name):
     return r["bytes_unweighted"] / 1e6, raw_bytes() / r["bytes_unweighted"], r["fidelity_unweighted_db"]
 
 
+def refitted():
+    page = read_page("docs/decisions/0023-prune-refit-check.md")
+    made = int(re.search(r"\(the default\) \| ([\d,]+) \|", page)[1].replace(",", ""))
+    return made / 1e6, raw_bytes() / made
+
+
 def extremes():
     sizes = [of_presets(name)["bytes"] / 1e6 for name in ("tiny", "archive")]
     return min(sizes), max(sizes)
@@ -57,23 +64,22 @@ FIGURES = (
     ("README.md", r"`encode basketball\.ply` \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) dB", lambda: unmeasured("default")),
     ("README.md", r"`encode basketball\.ply --preset tiny` \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) dB",
      lambda: unmeasured("tiny")),
-    ("README.md", r"`encode basketball\.ply --cameras cameras\.json` \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) dB",
+    ("README.md", r"`encode basketball\.ply --cameras cameras\.json --refit 0` \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) dB",
      lambda: measured("default")),
-    ("README.md", r"--cameras cameras\.json --preset tiny` \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) dB", lambda: measured("tiny")),
-    ("README.md", r"--cameras cameras\.json --preset archive` \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) dB",
+    ("README.md", r"--cameras cameras\.json --refit 0 --preset tiny` \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) dB", lambda: measured("tiny")),
+    ("README.md", r"--cameras cameras\.json --refit 0 --preset archive` \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) dB",
      lambda: measured("archive")),
+    ("README.md", r"`encode basketball\.ply --cameras cameras\.json` \| ([\d.]+) \| ([\d.]+) \|", refitted),
     ("README.md", r"makes them (\d+) to (\d+) times smaller", lambda: (unmeasured("default")[1], measured("tiny")[1])),
     ("README.md", r"a stream of this\nproject takes ([\d.]+) to ([\d.]+) MB", extremes),
     ("docs/cli.md", r"of \*basketball\* \(5 s, ([\d.]+) MB\)", lambda: (of_presets("default")["bytes_unweighted"] / 1e6,)),
-    ("docs/numerics.md", r"\| basketball \| default \|.*\| (\d+) \|\n", lambda: (of_presets("default")["bytes_unweighted"],)),
-    ("docs/numerics.md", r"\| basketball \| archive \|.*\| (\d+) \|\n", lambda: (of_presets("archive")["bytes_unweighted"],)),
 )
 
 
-def differs(printed, value):
-    """Whether value, rounded to as many digits as are printed, is another figure."""
+def differs(printed, value, slack=0):
+    """Whether value, rounded to as many digits as are printed, is another figure. slack: relative."""
     digits = len(printed.partition(".")[2])
-    return abs(float(printed) - value) > 0.5 * 10 ** -digits * (1 + 1e-9)
+    return abs(float(printed) - value) > 0.5 * 10 ** -digits * (1 + 1e-9) + slack * value
 
 
 def rounded_as(printed, value):
@@ -92,12 +98,15 @@ def written(text, pattern, values, flags=0):
 
 
 def write_all(tool):
-    figures = [(page, pattern, values(), 0) for page, pattern, values in FIGURES]
+    figures = [(page, pattern, values(), 0, 0) for page, pattern, values in FIGURES]
     for scene in SCENES:
         with tempfile.TemporaryDirectory() as folder:
-            figures += [(page, pattern, (made,), re.DOTALL) for page, pattern, made in SCENES[scene](tool, folder)]
-    for page, pattern, values, flags in figures:
+            figures += [(page, pattern, (made,), re.DOTALL, slack) for page, pattern, made, slack in SCENES[scene](tool, folder)]
+    for page, pattern, values, flags, slack in figures:
         text = read_page(page)
+        found = re.search(pattern, text, flags)
+        if slack and found and not differs(found[1], values[0], slack):
+            continue  # another machine's figure
         changed = written(text, pattern, values, flags)
         if changed != text:
             print(f"{page}: {re.search(pattern, changed, flags)[0][-80:]}")
@@ -122,6 +131,10 @@ def read_page(page):
     return (ROOT / page).read_text(encoding="utf-8")
 
 
+# Relative: what renders on other vector units change.
+MEASURED = 0.003
+
+
 def coded_megabytes(tool, folder, *arguments):
     subprocess.run([tool, "encode", *arguments, "-o", "out.l4d", "--force"], cwd=folder, check=True, capture_output=True)
     return (pathlib.Path(folder) / "out.l4d").stat().st_size / 1e6
@@ -131,7 +144,7 @@ def figures_of_square(tool, folder):
     subprocess.run([tool, "synth", "-n", "100k", "-o", "square.ply"], cwd=folder, check=True, capture_output=True)
     for preset in ("default", "tiny"):
         made = coded_megabytes(tool, folder, "square.ply", "--preset", preset)
-        yield "docs/place.md", rf"\*\*100,000 Gaussians.*?\| {preset} \| ([\d.]+) \|", made
+        yield "docs/place.md", rf"\*\*100,000 Gaussians.*?\| {preset} \| ([\d.]+) \|", made, MEASURED
 
 
 def figures_of_basketball(tool, folder):
@@ -140,8 +153,11 @@ def figures_of_basketball(tool, folder):
         print("SKIPPED: L4D_DATA_DIR has no basketball")
         return
     made = coded_megabytes(tool, folder, scene)
-    yield "README.md", r"`encode basketball\.ply` \| ([\d.]+)", made
-    yield "docs/accuracy.md", r"unmeasured: encode s.*?\| default \| [\d.]+ \| [\d.]+ \| [\d.]+ \| ([\d.]+) \|", made
+    yield "README.md", r"`encode basketball\.ply` \| ([\d.]+)", made, MEASURED
+    yield "docs/accuracy.md", r"unmeasured: encode s.*?\| default \| [\d.]+ \| [\d.]+ \| [\d.]+ \| ([\d.]+) \|", made, MEASURED
+    for preset in ("default", "archive"):
+        made = coded_megabytes(tool, folder, scene, "--preset", preset, "--estimate", "--no-first-view")
+        yield "docs/numerics.md", rf"\n\| basketball \| {preset} \|[^\n]*\| (\d+) \|\n", 1e6 * made, 0
 
 
 SCENES = {"square": figures_of_square, "basketball": figures_of_basketball}
@@ -149,18 +165,19 @@ SCENES = {"square": figures_of_square, "basketball": figures_of_basketball}
 
 def printed_again(tool, scene):
     with tempfile.TemporaryDirectory() as folder:
-        for page, pattern, made in SCENES[scene](tool, folder):
-            print(f"{page}: {made:.6f} MB")
+        for page, pattern, made, slack in SCENES[scene](tool, folder):
+            print(f"{page}: {made:.6f}")
             found = re.search(pattern, read_page(page), re.DOTALL)
             if found is None:
                 yield f"{page}: nothing like {pattern}"
-            elif differs(found[1], made):
-                yield f"{page}: {found[1]} MB where the tool makes {made:.6f}"
+            elif differs(found[1], made, slack):
+                yield f"{page}: {found[1]} where the tool makes {made:.6f}"
 
 
 def self_test():
     assert not differs("3.59", 3.589055) and differs("3.58", 3.589055) and differs("3.60", 3.589055)
     assert not differs("3589055", 3589055) and differs("3589054", 3589055)
+    assert not differs("3.59", 3.60, MEASURED) and differs("3.59", 3.61, MEASURED)
     figures = (("page", r"takes ([\d.]+) MB", lambda: (2.456,)),)
     assert not list(problems(lambda _: "takes 2.46 MB", figures))
     assert len(list(problems(lambda _: "takes 2.45 MB", figures))) == 1
