@@ -25,7 +25,8 @@ constexpr size_t kViewsAfter = 300;
 // Views of the fit that are worth their time.
 constexpr size_t kDeviceViews = 600, kHostViews = 150;
 // Bytes grow by this share with each decibel, about. A fit does not pay that saves less than 2 %,
-// or whose worst camera or instant is so much further below the mean, in dB.
+// or whose worst camera or instant is below that of weights alone, and so much further below the
+// mean, in dB.
 constexpr double kBytesPerDecibel = 0.085, kPays = 0.98, kMostSpread = 1.5;
 
 // Weights of the part that stays as weights of all: none of those that go.
@@ -64,8 +65,10 @@ struct Checked {
 bool pays(const Checked& fitted, const Checked& plain) {
   const double lost = plain.fidelity.psnr - fitted.fidelity.psnr;
   const double equal = static_cast<double>(plain.bytes) * std::exp(-kBytesPerDecibel * lost);
+  const double spread = fitted.fidelity.psnr - fitted.worst();
   return static_cast<double>(fitted.bytes) <= kPays * equal &&
-         fitted.fidelity.psnr - fitted.worst() <= plain.fidelity.psnr - plain.worst() + kMostSpread;
+         (fitted.worst() >= plain.worst() ||
+          spread <= plain.fidelity.psnr - plain.worst() + kMostSpread);
 }
 
 }  // namespace
