@@ -77,10 +77,11 @@ struct EncodeArguments {
 };
 
 // Why opacities are not fitted with these options; "" = they can be.
-std::string refit_obstacle(const EncodeArguments& arguments, bool has_target) {
+std::string refit_obstacle(const EncodeArguments& arguments,
+                           const std::optional<eval::Target>& target) {
   const EncodeParameters& parameters = arguments.parameters;
   if (!arguments.measures()) return "needs --cameras or --orbit, without --weights";
-  if (has_target) return "excludes targets";
+  if (target && target->kind == eval::Target::Kind::kMaxError) return "excludes --max-error";
   if (arguments.no_prune || !parameters.prune_weight.empty() ||
       parameters.sets(L4D_ENC_PRUNE_WEIGHT) || parameters.sets(L4D_ENC_PRUNE_COST)) {
     return "excludes --no-prune and other parameters of pruning";
@@ -109,7 +110,7 @@ void check_importance(const EncodeArguments& arguments, const std::optional<eval
   if (arguments.estimate && (measures || !arguments.weights.empty())) {
     throw usage_error("--estimate excludes --cameras, --orbit and --weights");
   }
-  if (const std::string obstacle = refit_obstacle(arguments, target.has_value());
+  if (const std::string obstacle = refit_obstacle(arguments, target);
       !arguments.refit.empty() && arguments.refit != "0" && !obstacle.empty()) {
     throw usage_error("--refit " + obstacle);
   }
@@ -406,9 +407,9 @@ void keep_color_bounds(const EncodeArguments& arguments, const EncoderHandle& en
 
 // Passes of the fit of opacities, 0 = none: by default where the encoder would otherwise drop
 // Gaussians by what they cost.
-uint32_t refit_passes(const EncodeArguments& arguments, bool has_target, uint32_t backend,
-                      const EncoderHandle& encoder) {
-  if (arguments.refit == "0" || !refit_obstacle(arguments, has_target).empty()) return 0;
+uint32_t refit_passes(const EncodeArguments& arguments, const std::optional<eval::Target>& target,
+                      uint32_t backend, const EncoderHandle& encoder) {
+  if (arguments.refit == "0" || !refit_obstacle(arguments, target).empty()) return 0;
   const bool can = eval::has_quality(encoder) &&
                    eval::get_parameter(encoder, L4D_ENC_PRUNE_COST) > 0 &&
                    eval::get_parameter(encoder, L4D_ENC_PRUNE_WEIGHT) < 0;
@@ -581,14 +582,33 @@ void set_scene(Context& context, const EncodeArguments& arguments, const io::Sce
   }
 }
 
+// search: encodes to a target, if there is one; *reached is of the encoding that is returned.
 eval::Encoding encode_refitted(Context& context, const EncodeArguments& arguments,
                                const Input& input, const io::Scene& scene,
                                const EncoderHandle& encoder, uint32_t passes,
-                               EncoderImportance& told, Refit& refit) {
-  const double fidelity = eval::get_parameter(encoder, L4D_ENC_QUALITY);
+                               EncoderImportance& told, Refit& refit,
+                               const std::function<TargetReached(eval::Encoding*)>& search,
+                               std::optional<TargetReached>* reached) {
   RefitCalls calls;
-  calls.encode_plain = [&] { return encode_once(context, encoder, input, "", true); };
-  calls.replace = [&](const std::vector<float>& opacity, const io::Weights& weights) {
+  std::optional<TargetReached> fitted;
+  if (search) {
+    calls.encode_plain = [&] {
+      eval::Encoding encoding;
+      *reached = search(&encoding);
+      return encoding;
+    };
+    calls.encode_fitted = [&]() -> std::optional<eval::Encoding> {
+      eval::Encoding encoding;
+      fitted = search(&encoding);
+      const auto met = [](const TargetReached& of) { return of.search.result().met; };
+      if (met(**reached) && !met(*fitted)) return std::nullopt;
+      return encoding;
+    };
+  } else {
+    calls.encode_plain = [&] { return encode_once(context, encoder, input, "", true); };
+  }
+  calls.replace = [&](const std::vector<float>& opacity, const io::Weights& weights,
+                      double fidelity) {
     encoder.check(l4d_encoder_set_fitted_opacity(encoder.get(), opacity.data()));
     told.set_weights(kMeasuredWeights, weights, arguments.weight_views(), scene.count());
     about(kMeasuredWeights, [&] { told.tell(encoder); });
@@ -596,7 +616,10 @@ eval::Encoding encode_refitted(Context& context, const EncodeArguments& argument
     for (const char* name : {L4D_ENC_PRUNE_WEIGHT, L4D_ENC_PRUNE_COST}) encoder.set(name, 0);
   };
   // The user asks for the fit: it stays, whatever it saves.
-  return refit.encode(encoder, told.weights(), passes, !arguments.refit.empty(), calls);
+  eval::Encoding encoding =
+      refit.encode(encoder, told.weights(), passes, !arguments.refit.empty(), calls);
+  if (refit.is_kept() && fitted) *reached = std::move(fitted);
+  return encoding;
 }
 
 Outcome run_live(Context& context, const EncodeArguments& arguments) {
@@ -651,7 +674,7 @@ Outcome run_encode(Context& context, EncodeArguments& arguments) {
   // Parameters before the scene: a wrong one should not cost the time of reading.
   const EncoderHandle encoder = make_encoder(context, arguments);
   set_parameters(context, arguments, target.has_value(), encoder);
-  const uint32_t passes = refit_passes(arguments, target.has_value(), context.backend(), encoder);
+  const uint32_t passes = refit_passes(arguments, target, context.backend(), encoder);
   if (context.group().helps()) {
     help_to_measure(context, arguments, passes);
     return {};
@@ -672,16 +695,26 @@ Outcome run_encode(Context& context, EncodeArguments& arguments) {
   const bool wants_order = outputs.order || arguments.verify;
   const double quality =
       eval::has_quality(encoder) ? eval::get_parameter(encoder, L4D_ENC_QUALITY) : 0;
+  std::function<TargetReached(eval::Encoding*)> search;
   if (target) {
-    reached = about(input.name(), [&] {
-      return encode_to_target(context, *target, encoder, input.name(), scene, arguments.cameras,
-                              told.min_sizes(), &encoding);
-    });
-  } else if (passes > 0) {
+    search = [&](eval::Encoding* to) {
+      return about(input.name(), [&] {
+        return encode_to_target(context, *target, encoder, input.name(), scene, arguments.cameras,
+                                told.min_sizes(), to);
+      });
+    };
+  }
+  if (passes > 0) {
+    const double aim = !target                                         ? quality
+                       : target->kind == eval::Target::Kind::kFidelity ? target->requested
+                                                                       : 0;
     refit.emplace(
         context, input.name(),
-        RefitInput{scene, measuring->views, measuring->how, quality, arguments.has_all_views()});
-    encoding = encode_refitted(context, arguments, input, scene, encoder, passes, told, *refit);
+        RefitInput{scene, measuring->views, measuring->how, aim, arguments.has_all_views()});
+    encoding = encode_refitted(context, arguments, input, scene, encoder, passes, told, *refit,
+                               search, &reached);
+  } else if (target) {
+    reached = search(&encoding);
   } else {
     // Into memory where the output is not to be renamed over.
     encoding = encode_once(context, encoder, input,

@@ -19,6 +19,8 @@ namespace {
 // More than the fidelity aimed at, in dB, that is not worth another encode; and what may be
 // missing.
 constexpr double kTolerance = 0.4, kMissed = 0.5;
+// What a fit gains at as many bytes, about, in dB.
+constexpr double kGain = 2;
 constexpr size_t kMostTrials = 4;
 // Views that are measured again where they are counted.
 constexpr size_t kViewsAfter = 300;
@@ -172,15 +174,26 @@ eval::Encoding Refit::encode(const EncoderHandle& encoder, const io::Weights& we
                              uint32_t passes, bool always, const RefitCalls& calls) {
   Parts& parts = *parts_;
   eval::Encoding plain;
-  if (!always) {
+  if (!always || calls.encode_fitted) {
     plain = calls.encode_plain();
     parts.plain = parts.timed([&] {
       Progress progress(parts.context, "encode");
       return parts.check(plain.stream, progress);
     });
+    if (parts.input.fidelity == 0) parts.input.fidelity = parts.plain->fidelity.psnr + kGain;
   }
   parts.fit(weights, passes);
-  calls.replace(parts.pruned.opacity, parts.weights);
+  calls.replace(parts.pruned.opacity, parts.weights, parts.input.fidelity);
+  if (calls.encode_fitted) {
+    std::optional<eval::Encoding> fitted = calls.encode_fitted();
+    if (!fitted) return plain;
+    parts.fitted = parts.timed([&] {
+      Progress progress(parts.context, "encode");
+      return parts.check(fitted->stream, progress);
+    });
+    parts.is_kept = always || pays(*parts.fitted, *parts.plain);
+    return parts.is_kept ? std::move(*fitted) : std::move(plain);
+  }
   eval::Encoding fitted = about(parts.name, [&] { return parts.encode(encoder); });
   parts.is_kept = always || pays(*parts.fitted, *parts.plain);
   const double reached = (parts.is_kept ? *parts.fitted : *parts.plain).fidelity.psnr;
@@ -190,6 +203,8 @@ eval::Encoding Refit::encode(const EncoderHandle& encoder, const io::Weights& we
   }
   return parts.is_kept ? std::move(fitted) : std::move(plain);
 }
+
+bool Refit::is_kept() const { return parts_->is_kept; }
 
 double Refit::seconds() const { return parts_->seconds; }
 
@@ -221,14 +236,19 @@ void Refit::describe(Outcome* outcome) const {
                                {"fidelity", trial.fidelity}});
   }
   if (parts.is_pruned()) j["chosen"] = pruned.result;
-  j["trials"] = Json::array();
-  for (const eval::Trial& trial : parts.search.trials) {
-    j["trials"].push_back({{"quality", trial.quality}, {"reached", trial.figure}});
+  std::string how;  // a target says that itself
+  if (!parts.search.trials.empty()) {
+    j["trials"] = Json::array();
+    for (const eval::Trial& trial : parts.search.trials) {
+      j["trials"].push_back({{"quality", trial.quality}, {"reached", trial.figure}});
+    }
+    const eval::Trial& best = parts.search.result();
+    j["quality"] = best.quality;
+    j["reached"] = best.figure;
+    j["met"] = best.met;
+    how =
+        format(" at a quality of %.2f dB, in %zu trials", best.quality, parts.search.trials.size());
   }
-  const eval::Trial& best = parts.search.result();
-  j["quality"] = best.quality;
-  j["reached"] = best.figure;
-  j["met"] = best.met;
   outcome->json["refit"] = j;
   std::string& text = outcome->text;
   if (parts.is_pruned()) {
@@ -239,9 +259,8 @@ void Refit::describe(Outcome* outcome) const {
   } else {
     text += "nothing pruned: no threshold leaves enough fidelity";
   }
-  text += format("; %s at a quality of %.2f dB, in %zu trials, in %s\n",
-                 format_bytes(parts.fitted->bytes).c_str(), best.quality,
-                 parts.search.trials.size(), format_seconds(parts.seconds).c_str());
+  text += format("; %s%s, in %s\n", format_bytes(parts.fitted->bytes).c_str(), how.c_str(),
+                 format_seconds(parts.seconds).c_str());
   if (parts.plain) {
     text += format("weights alone: %s for %.2f dB%s\n", format_bytes(parts.plain->bytes).c_str(),
                    parts.plain->fidelity.psnr, parts.is_kept ? "" : ", kept: the fit does not pay");

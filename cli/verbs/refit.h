@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,8 +20,10 @@ struct RefitInput {
   const io::Scene& scene;
   const eval::CameraViews& views;
   const MeasureArguments& measure;
-  double fidelity;  // dB that the coded scene is to have
-  bool all_views;   // whether a Gaussian that no view shows is dropped
+  // dB that the coded scene is to have; 0: what weights alone reach, and what a fit gains at as
+  // many bytes.
+  double fidelity;
+  bool all_views;  // whether a Gaussian that no view shows is dropped
 };
 
 // What a refit does to an encoder that has the scene and weights of it.
@@ -28,8 +31,13 @@ struct RefitCalls {
   // Encodes with the weights alone.
   std::function<eval::Encoding()> encode_plain;
   // Replaces opacities [N], as the scene has them, and weights [N], of which alpha_t is 0 for those
-  // that go. Both live as long as the refit.
-  std::function<void(const std::vector<float>& opacity, const io::Weights& weights)> replace;
+  // that go. Both live as long as the refit. fidelity: what is aimed at, dB.
+  std::function<void(const std::vector<float>& opacity, const io::Weights& weights,
+                     double fidelity)>
+      replace;
+  // Encodes what was fitted, or returns nothing where that is no good. Without it: until renders
+  // have the fidelity aimed at.
+  std::function<std::optional<eval::Encoding>()> encode_fitted;
 };
 
 // Prunes a scene and fits the opacities of what stays, in views of the scene, and encodes it so
@@ -47,6 +55,7 @@ class Refit {
   eval::Encoding encode(const EncoderHandle& encoder, const io::Weights& weights, uint32_t passes,
                         bool always, const RefitCalls& calls);
 
+  bool is_kept() const;    // what was fitted, by encode()
   double seconds() const;  // but for the encode that is kept
   // Adds "checked", what renders of the stream have of the scene's in views that no fit used; and
   // "refit", if there was one.

@@ -18,6 +18,7 @@ Importance measure_importance(Context&, const std::string& verb, const io::Scene
 struct Refit::Parts {};
 
 Refit::Refit(Context&, const std::string&, const RefitInput&) { require_renderer("--refit"); }
+bool Refit::is_kept() const { return false; }
 
 Refit::~Refit() = default;
 eval::Encoding Refit::encode(const EncoderHandle&, const io::Weights&, uint32_t, bool,

@@ -35,9 +35,21 @@ expect 0 encode s.ply --cameras c.json --weights w.ply --prune-weight 0 --qualit
 cmp none.l4d file.l4d
 if cmp -s none.l4d d.l4d; then die "the refit does nothing"; fi
 
-# Targets, and presets that prune nothing by a quality, are as before.
-expect_document 0 encode s.ply --cameras c.json --target-size 60KB -o size.l4d
+# Targets of bytes and of fidelity are reached with a fit, as with weights alone, by more fidelity or in fewer bytes.
+expect_document 0 encode s.ply --cameras c.json --target-size 15000 -o size.l4d
+expect_json out 'd["target"]["met"] and d["file_bytes"] <= 15000 and d["refit"]["kept"] and "trials" not in d["refit"]'
+expect_json out 'd["checked"]["fidelity"] > d["refit"]["weights_alone"]["fidelity"] + 1'
+expect_json out 'd["quality"] == d["target"]["quality"] and d["steps"]["refit"] > 0'
+expect_document 0 encode s.ply --cameras c.json --split train --target-fidelity 38 -o fidelity.l4d
+expect_json out 'd["target"]["met"] and 38 <= d["target"]["reached"] < 39 and d["refit"]["kept"]'
+expect_json out 'd["file_bytes"] < d["refit"]["weights_alone"]["bytes"]'
+# The fit knows nothing of cameras that look from elsewhere: what misses the target there is not kept.
+expect_document 0 encode s.ply --cameras c.json --target-fidelity 34 -o elsewhere.l4d
+expect_json out 'd["target"]["met"] and d["target"]["reached"] >= 34 and "refit" not in d'
+# Errors of single attributes are what a fit changes.
+expect_document 0 encode s.ply --cameras c.json --max-error log_scale=0.5 -o error.l4d
 expect_json out '"refit" not in d'
+# Presets that prune nothing by a quality are as before.
 expect_document 0 encode s.ply --cameras c.json --preset lossless -o lossless.l4d
 expect_json out '"refit" not in d and d["pruned"] == 0'
 expect 2 encode s.ply --cameras c.json --preset lossless --refit 4 -o x.l4d
