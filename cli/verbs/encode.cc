@@ -387,6 +387,15 @@ void set_parameters(Context& context, const EncodeArguments& arguments, bool has
 
 // Of a refit, unless the user says otherwise: on processors two passes bring most of what four do.
 constexpr uint32_t kDevicePasses = 4, kHostPasses = 2;
+// More or fewer by the effort.
+uint32_t passes_of(uint32_t backend, double effort) {
+  const uint32_t usual = backend == L4D_BACKEND_CUDA ? kDevicePasses : kHostPasses;
+  constexpr double kUsual = 7, kHalf = 4, kTwice = 8;
+  if (effort > kTwice) return 4 * usual;
+  if (effort > kUsual) return 2 * usual;
+  if (effort == kUsual) return usual;
+  return effort >= kHalf ? usual / 2 : 1;
+}
 // Views that are measured before a refit on processors: more than agree, since what is pruned by
 // them is gone.
 constexpr size_t kViewsBefore = 700;
@@ -415,7 +424,7 @@ uint32_t refit_passes(const EncodeArguments& arguments, const std::optional<eval
                    eval::get_parameter(encoder, L4D_ENC_PRUNE_WEIGHT) < 0;
   if (arguments.refit.empty()) {
     if (!can || !arguments.has_all_views()) return 0;
-    return backend == L4D_BACKEND_CUDA ? kDevicePasses : kHostPasses;
+    return passes_of(backend, eval::get_parameter(encoder, L4D_ENC_EFFORT));
   }
   if (!can) {
     throw usage_error("--refit: the preset '" + arguments.parameters.preset +
@@ -763,7 +772,8 @@ void add_refit_option(Verb* verb, std::string& passes) {
           "After pruning, fit the opacities of the Gaussians that stay so that renders match the "
           "scene's, in so many passes over views; prune and code as far as the fidelity aimed at "
           "allows, as renders show it. 0: prune by weights alone and render nothing. Default: 2, "
-          "on a CUDA device 4, if that saves bytes; 0 where views were chosen by --frames or --ids "
+          "on a CUDA device 4, more or fewer by --effort, if that saves bytes; 0 where views were "
+          "chosen by --frames or --ids "
           "or made up")
       ->type_name("PASSES")
       ->whole_number(0, 64);

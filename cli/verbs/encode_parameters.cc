@@ -88,7 +88,7 @@ void EncodeParameters::add_options(Verb* verb) {
       ->group(group);
   verb->add_option("-e,--effort", effort,
                    "1 to 9: how hard to try, from a measured front of time against quality "
-                   "(docs/accuracy.md); 7 unless set")
+                   "(docs/accuracy.md), and how many passes --refit has; 7 unless set")
       ->type_name("N")
       ->group(group);
   verb->add_option("--codebook", codebook,

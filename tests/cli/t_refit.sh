@@ -23,6 +23,9 @@ expect 0 validate d.l4d
 # In all views the fidelity is what it was in those of the check, about.
 expect_document 0 compare s.ply d.l4d --cameras c.json --split train
 expect_json out 'd["fidelity_db"] > 35.5'
+# More effort: more passes.
+expect_document 0 encode s.ply --cameras c.json --quality 36 --effort 8 -o effort.l4d
+expect_json out 'd["refit"]["thresholds"][d["refit"]["chosen"]]["passes"] == 4'
 # An order names rows of the input, and --verify compares with it.
 expect_document 0 encode s.ply --cameras c.json --quality 36 -o o.l4d --order o.order --verify
 expect_json out "d['verify']['matched'] == $coded == d['coded_gaussians'] == 3000 - d['pruned']"
