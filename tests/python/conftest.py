@@ -19,6 +19,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
     """scene.ply, 2 s of 3,000 Gaussians; scene.l4d and lossless.l4d, encoded."""
     path: pathlib.Path = tmp_path_factory.mktemp("scenes")
     tool("synth", "--scene", "cloud", "--seconds", 2, "--gaussians", 3000, "-o", path / "scene.ply")
-    tool("encode", path / "scene.ply", "-o", path / "scene.l4d")
+    tool("encode", path / "scene.ply", "--estimate", "-o", path / "scene.l4d")
     tool("encode", path / "scene.ply", "--preset", "lossless", "-o", path / "lossless.l4d")
     return path

@@ -18,7 +18,8 @@ import l4dcodec as l4d
 
 @pytest.mark.parametrize("preset", ["default", "tiny", "indexed", "lossless"])
 def test_encode_writes_the_bytes_of_the_tool(folder: pathlib.Path, tmp_path: pathlib.Path, preset: str) -> None:
-    tool("encode", folder / "scene.ply", "--preset", preset, "-o", tmp_path / "tool.l4d")
+    # The package renders no views for importance.
+    tool("encode", folder / "scene.ply", "--estimate", "--preset", preset, "-o", tmp_path / "tool.l4d")
     report = l4d.encode(folder / "scene.ply", tmp_path / "python.l4d", preset=preset)
     expected = (tmp_path / "tool.l4d").read_bytes()
     assert (tmp_path / "python.l4d").read_bytes() == expected
@@ -26,14 +27,14 @@ def test_encode_writes_the_bytes_of_the_tool(folder: pathlib.Path, tmp_path: pat
 
 
 def test_encode_takes_the_parameters_of_the_tool(folder: pathlib.Path, tmp_path: pathlib.Path) -> None:
-    tool("encode", folder / "scene.ply", "--preset", "indexed", "--effort", 3, "--codebook", "sh=256",
+    tool("encode", folder / "scene.ply", "--estimate", "--preset", "indexed", "--effort", 3, "--codebook", "sh=256",
          "--stages", "scale=1,0.25", "--tiers", "0.3,0.6", "--seed", 7, "-o", tmp_path / "tool.l4d")
     with open(tmp_path / "python.l4d", "wb") as out:
         l4d.encode(l4d.read(folder / "scene.ply"), out, preset="indexed", seed=7, threads=1,
                    parameters={"effort": 3, "codebook_size.sh": 256, "stages.scale": [1, 0.25], "tiers": [0.3, 0.6]})
     assert (tmp_path / "python.l4d").read_bytes() == (tmp_path / "tool.l4d").read_bytes()
     l4d.encode(folder / "scene.ply", tmp_path / "41.l4d", quality=41)
-    tool("encode", folder / "scene.ply", "--quality", 41, "-o", tmp_path / "tool41.l4d")
+    tool("encode", folder / "scene.ply", "--estimate", "--quality", 41, "-o", tmp_path / "tool41.l4d")
     assert (tmp_path / "41.l4d").read_bytes() == (tmp_path / "tool41.l4d").read_bytes()
 
 
@@ -150,7 +151,7 @@ def test_what_an_import_approximates_is_a_warning(folder: pathlib.Path, tmp_path
     with pytest.warns(UserWarning, match="frame.ply.*Static Gaussians last"):
         scene = l4d.read(tmp_path / "frame.ply", seconds=3, fps=10)
     assert (scene.timeline.num_frames, scene.source) == (30, "3dgs_ply") and scene.notes
-    tool("encode", tmp_path / "frame.ply", "--seconds", 3, "--fps", 10, "-o", tmp_path / "tool.l4d")
+    tool("encode", tmp_path / "frame.ply", "--estimate", "--seconds", 3, "--fps", 10, "-o", tmp_path / "tool.l4d")
     l4d.encode(scene, tmp_path / "python.l4d")
     assert (tmp_path / "python.l4d").read_bytes() == (tmp_path / "tool.l4d").read_bytes()
 
@@ -237,7 +238,7 @@ def test_decode_gives_the_arrays_of_the_tool(folder: pathlib.Path, tmp_path: pat
 
 def test_compare_gives_the_figures_of_the_tool(folder: pathlib.Path, tmp_path: pathlib.Path) -> None:
     a, b = folder / "scene.ply", folder / "scene.l4d"
-    tool("encode", a, "-o", tmp_path / "again.l4d", "--order", tmp_path / "order")
+    tool("encode", a, "--estimate", "-o", tmp_path / "again.l4d", "--order", tmp_path / "order")
     order = np.fromfile(tmp_path / "order", "<u4")
     assert np.array_equal(order, l4d.encode(a, tmp_path / "python.l4d").order)
     for given in (None, order):
