@@ -79,8 +79,8 @@ ShapeFactors::ShapeFactors(const EncoderScene& scene) : scene_(scene) {
   least_ = kLeastSize * *middle;
 }
 
-std::array<double, 3> ShapeFactors::sizes(size_t i) const {
-  std::array<double, 3> size{};
+ShapeFactors::Sizes ShapeFactors::sizes(size_t i) const {
+  Sizes size{};
   for (size_t k = 0; k < 3; ++k) {
     size[k] = std::max(std::exp(static_cast<double>(scene_.log_scale[4 * i + k])), least_);
   }
@@ -91,17 +91,17 @@ std::array<double, 3> ShapeFactors::sizes(size_t i) const {
 ImageSquares ShapeFactors::squares(size_t i, double share) const {
   ImageSquares out{};
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) out.component[c] = kSquarePerAlpha[c] * share;
-  const auto [largest, middle, smallest] = sizes(i);
+  const Sizes size = sizes(i);
+  const auto [largest, middle, smallest] = size;
   out.component[L4D_COMPONENT_ROTOR_SPATIAL] *=
       turn(largest, middle) + kSmallerTurn * turn(middle, smallest) + kLeastTurn;
-  out.position = position_per_scale(i) * out.component[L4D_COMPONENT_SCALE];
+  out.position = position_per_scale(size) * out.component[L4D_COMPONENT_SCALE];
   out.component[L4D_COMPONENT_ROTOR_TEMPORAL] = temporal_per_position(i) * out.position;
   return out;
 }
 
-double ShapeFactors::position_per_scale(size_t i) const {
-  const double middle = sizes(i)[1];
-  return kPositionPerScale / (middle * middle);
+double ShapeFactors::position_per_scale(const Sizes& sizes) {
+  return kPositionPerScale / (sizes[1] * sizes[1]);
 }
 
 double ShapeFactors::temporal_per_position(size_t i) const {

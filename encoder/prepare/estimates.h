@@ -2,6 +2,7 @@
 // What Gaussians are thought to matter in images where nothing was measured.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "encoder/prepare/scene.h"
@@ -34,13 +35,15 @@ class ShapeFactors {
   // For a Gaussian that is `share` of the image.
   ImageSquares squares(size_t i, double share) const;
   // The square of a coordinate in squares of a log scale.
-  double position_per_scale(size_t i) const;
+  double position_per_scale(size_t i) const { return position_per_scale(sizes(i)); }
   // The square of a number of the temporal rotor in squares of a coordinate.
   double temporal_per_position(size_t i) const;
 
  private:
   // Spatial standard deviations, largest first; none is below what images show.
-  std::array<double, 3> sizes(size_t i) const;
+  using Sizes = std::array<double, 3>;
+  Sizes sizes(size_t i) const;
+  static double position_per_scale(const Sizes& sizes);
 
   const EncoderScene& scene_;
   double least_ = 0;  // scene units

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
+#include <optional>
 #include <string>
 
 #include "encoder/prepare/estimates.h"
@@ -66,12 +68,17 @@ void set_importance(const EncoderInput& input, int threads, EncoderScene* scene)
   const std::vector<double> estimated = input.share == nullptr && (mixes || alpha_t == nullptr)
                                             ? estimated_shares(s, &sum)
                                             : std::vector<double>();
-  const ShapeFactors shape(s);
-  const auto estimate = [&](size_t i, bool of_alpha_t) {
-    const double share = of_alpha_t               ? static_cast<double>(alpha_t[s.source[i]])
-                         : input.share != nullptr ? input.share[s.source[i]]
-                                                  : estimated[i];
-    return shape.squares(i, share);
+  // Where all is measured nothing is estimated.
+  const bool is_whole = !mixes && own_position != nullptr &&
+                        std::find(std::begin(own), std::end(own), nullptr) == std::end(own);
+  std::optional<ShapeFactors> shape;
+  if (!is_whole) shape.emplace(s);
+  const auto estimate = [&](size_t i) {
+    if (!shape) return ImageSquares{};
+    const double share = alpha_t != nullptr && !mixes ? static_cast<double>(alpha_t[s.source[i]])
+                         : input.share != nullptr     ? input.share[s.source[i]]
+                                                      : estimated[i];
+    return shape->squares(i, share);
   };
   // Gauss-Newton weights add up the three channels of a pixel; an image error is their mean.
   const auto square = [](double v) { return v * v / 3; };
@@ -80,7 +87,7 @@ void set_importance(const EncoderInput& input, int threads, EncoderScene* scene)
   const auto set = [&](size_t i) {
     const size_t from = s.source[i];
     const double exposure = exposure_of(input, s, i);
-    ImageSquares squares = estimate(i, alpha_t != nullptr && !mixes);
+    ImageSquares squares = estimate(i);
     const auto mix = [&](double measured, double* value) {
       *value = mixes ? kMeasuredPart * measured + kEstimatedPart * *value : measured;
     };
@@ -92,11 +99,11 @@ void set_importance(const EncoderInput& input, int threads, EncoderScene* scene)
     if (own_position != nullptr) {
       mix(square(static_cast<double>(own_position[from])), &squares.position);
     } else if (own[L4D_COMPONENT_SCALE] != nullptr) {
-      squares.position = shape.position_per_scale(i) * squares.component[L4D_COMPONENT_SCALE];
+      squares.position = shape->position_per_scale(i) * squares.component[L4D_COMPONENT_SCALE];
     }
     if (own[L4D_COMPONENT_ROTOR_TEMPORAL] == nullptr) {
       squares.component[L4D_COMPONENT_ROTOR_TEMPORAL] =
-          shape.temporal_per_position(i) * squares.position;
+          shape->temporal_per_position(i) * squares.position;
     }
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       s.importance[c][i] = bounded_weight(exposure * squares.component[c]);

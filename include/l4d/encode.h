@@ -174,7 +174,7 @@ enum {
    * is dropped; one that costs more than it shows is dropped as the preset has it. */
   L4D_WEIGHT_VIEWS_ALL = 1,
   /* Some of these views, or made-up ones. A Gaussian may show in others: none is dropped, and where
-   * ALPHA_T is given and the metric is Gauss-Newton's, half of what counts is an estimate. */
+   * ALPHA_T is given and the metric is Gauss-Newton's, an estimate counts beside them. */
   L4D_WEIGHT_VIEWS_SOME = 2
 };
 

@@ -95,8 +95,8 @@ TEST(Estimates, FollowUnits) {
   }
 }
 
-// A few views say half of it, and estimates the other half: what none of them shows keeps some. All
-// views say it all. For any number of threads.
+// What a few views say counts beside estimates: what none of them shows keeps some. All views say
+// it all. For any number of threads.
 TEST(Estimates, MixWithWhatSomeViewsShow) {
   SceneOptions options;
   options.count = 9000;
