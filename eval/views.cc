@@ -11,6 +11,20 @@
 
 namespace l4d::eval {
 
+std::vector<l4d_camera> CameraViews::pinholes() const {
+  std::vector<l4d_camera> out;
+  for (const io::Camera& camera : set.cameras) out.push_back(camera.camera);
+  return out;
+}
+
+std::vector<l4d_view> CameraViews::numbered() const {
+  std::vector<l4d_view> out;
+  for (const io::View& view : views) {
+    out.push_back({view.time, static_cast<uint32_t>(view.camera), 0});
+  }
+  return out;
+}
+
 CameraViews spread_views(CameraViews all, size_t most) {
   std::vector<io::View>& views = all.views;
   if (views.size() <= most) return all;
@@ -82,6 +96,18 @@ DealtViews deal_views(const CameraViews& all, size_t most) {
   return dealt;
 }
 
+bool is_long_fit(const CameraViews& all, size_t most, size_t num_gaussians) {
+  constexpr double kMostWork = 6e8;  // pixels, and Gaussians, of one pass over the views
+  const CameraViews fit = deal_views(all, most).fit;
+  double work = 0;
+  for (size_t view = 0; view < fit.views.size(); ++view) {
+    const l4d_camera& camera = fit.camera_of(view).camera;
+    work += static_cast<double>(camera.width) * static_cast<double>(camera.height) +
+            static_cast<double>(num_gaussians);
+  }
+  return work > kMostWork;
+}
+
 namespace {
 
 // The scale of a ball whose section is as broad as the broadest side of a Gaussian: sqrt(a b) where
@@ -150,6 +176,9 @@ io::Scene instant_of(ShownMembers& members, double seconds) {
 CameraViews made_up_views(const io::Scene& scene, const io::Hold& holder) {
   constexpr uint32_t kCameras = 36, kWidth = 320, kHeight = 180;
   CameraViews made;
+  constexpr uint64_t kBytes = (3 + 1 + 1 + 4) * sizeof(float);  // of a Gaussian at an instant
+  const std::shared_ptr<void> memory =
+      io::hold(holder, scene.count() * kBytes, "an instant of the scene");
   io::Scene middle = instant_of(scene, middle_of(scene.timeline));
   // It tells places from objects.
   if (middle.presentation.has_camera == 0) {

@@ -7,6 +7,7 @@
 #include "io/camera/cameras.h"
 #include "io/scene/scene.h"
 #include "l4d/l4d.hpp"
+#include "l4d/render.h"
 
 namespace l4d::eval {
 
@@ -15,6 +16,9 @@ struct CameraViews {
   std::vector<io::View> views;  // as io::select_views orders them
 
   const io::Camera& camera_of(size_t view) const { return set.cameras[views[view].camera]; }
+  // What l4d_measure_importance takes: the cameras of the set, and the views by their numbers.
+  std::vector<l4d_camera> pinholes() const;
+  std::vector<l4d_view> numbered() const;
 };
 
 // At most `most` of the views, spread evenly over cameras and time.
@@ -34,6 +38,9 @@ struct DealtViews {
 // others go to the check: a quarter of them from instants all over, the others from a few instants
 // as most cameras see them. Cameras take turns, so that each serves the fit and the check.
 DealtViews deal_views(const CameraViews& views, size_t most);
+// Whether a fit in about `most` of the views takes processors long: more than a quarter of an hour
+// on two cores. Long sequences have a view of each instant to render, large images many pixels.
+bool is_long_fit(const CameraViews& views, size_t most, size_t num_gaussians);
 
 // The middle of the sequence: where orbits are laid out.
 double middle_of(const l4d_timeline& timeline);

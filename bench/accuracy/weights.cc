@@ -143,14 +143,8 @@ Measured measure(const BenchScene& s, const l4d_measure_options& options,
 
 Measured measure_made_up(const io::Scene& scene) {
   const eval::CameraViews made_up = eval::made_up_views(scene);
-  std::vector<l4d_camera> cameras;
-  for (const io::Camera& camera : made_up.set.cameras) cameras.push_back(camera.camera);
-  std::vector<l4d_view> views;
-  for (const io::View& view : made_up.views) {
-    views.push_back({view.time, static_cast<uint32_t>(view.camera), 0});
-  }
   constexpr double kAllViews = 2;  // a correlation never gets there
-  return measure_views(scene, cameras, views,
+  return measure_views(scene, made_up.pinholes(), made_up.numbered(),
                        measure_options(L4D_SENSITIVITY_GAUSS_NEWTON, kAllViews), nullptr);
 }
 

@@ -145,7 +145,8 @@ void tell_pruning(Context& context, const EncodeArguments& arguments,
 struct Measuring {
   eval::CameraViews views;
   MeasureArguments how;
-  bool made_up = false;  // for a scene that comes without cameras
+  bool made_up = false;    // for a scene that comes without cameras
+  bool fits_long = false;  // a refit in these views, which nobody asked for, takes long
 
   // Views that the arguments ask for.
   Measuring(Context& context, const EncodeArguments& arguments, const io::Scene& scene)
@@ -451,11 +452,10 @@ std::optional<Importance> set_weights(Context& context, const EncodeArguments& a
                [&] { return io::read_weights_ply(arguments.weights, context.budget().holder()); }),
          L4D_WEIGHT_VIEWS_UNKNOWN);
   }
-  const bool looks_around = arguments.may_look_around() && eval::has_quality(encoder);
   std::optional<Importance> importance;
   if (measuring) {
     importance = measure(context, input, scene, *measuring);
-  } else if (looks_around) {
+  } else if (arguments.may_look_around() && eval::has_quality(encoder)) {
     importance = look_around(context, arguments, input, scene);
   }
   if (!importance) return std::nullopt;
@@ -464,7 +464,7 @@ std::optional<Importance> set_weights(Context& context, const EncodeArguments& a
     saved->finish();
   }
   tell(kMeasuredWeights, std::move(importance->weights),
-       looks_around ? uint32_t{L4D_WEIGHT_VIEWS_SOME} : arguments.weight_views());
+       importance->made_up ? uint32_t{L4D_WEIGHT_VIEWS_SOME} : arguments.weight_views());
   return importance;
 }
 
@@ -474,7 +474,10 @@ std::optional<Measuring> choose_measuring(Context& context, const EncodeArgument
   std::optional<Measuring> measuring;
   if (!arguments.measures()) return measuring;
   measuring.emplace(context, arguments, scene);
-  if (passes > 0 && context.backend() != L4D_BACKEND_CUDA && !arguments.measure.given()) {
+  if (passes == 0 || context.backend() == L4D_BACKEND_CUDA) return measuring;
+  measuring->fits_long =
+      arguments.refit.empty() && eval::is_long_fit(measuring->views, kHostFitViews, scene.count());
+  if (!measuring->fits_long && !arguments.measure.given()) {
     measuring->how.most_views = kViewsBefore;
   }
   return measuring;
@@ -717,9 +720,9 @@ Outcome run_encode(Context& context, EncodeArguments& arguments) {
     const double aim = !target                                         ? quality
                        : target->kind == eval::Target::Kind::kFidelity ? target->requested
                                                                        : 0;
-    refit.emplace(
-        context, input.name(),
-        RefitInput{scene, measuring->views, measuring->how, aim, arguments.has_all_views()});
+    refit.emplace(context, input.name(),
+                  RefitInput{scene, measuring->views, measuring->how, aim,
+                             arguments.has_all_views(), measuring->fits_long});
     encoding = encode_refitted(context, arguments, input, scene, encoder, passes, told, *refit,
                                search, &reached);
   } else if (target) {

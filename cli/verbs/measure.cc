@@ -36,12 +36,8 @@ Importance measure_importance(Context& context, const std::string& verb, const i
   const Stopwatch watch;
   l4d_measure_options options = options_of(arguments, all.views.size());
   options.group = arguments.alone ? nullptr : context.group().handle();
-  std::vector<l4d_camera> cameras;
-  for (const io::Camera& camera : all.set.cameras) cameras.push_back(camera.camera);
-  std::vector<l4d_view> views;
-  for (const io::View& view : all.views) {
-    views.push_back({view.time, static_cast<uint32_t>(view.camera), 0});
-  }
+  const std::vector<l4d_camera> cameras = all.pinholes();
+  const std::vector<l4d_view> views = all.numbered();
   Importance result;
   result.report = L4D_INIT(l4d_measure_report);
   l4d_renderer_options rendering = renderer_options(context);

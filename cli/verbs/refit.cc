@@ -25,7 +25,7 @@ constexpr size_t kMostTrials = 4;
 // Views that are measured again where they are counted.
 constexpr size_t kViewsAfter = 300;
 // Views of the fit that are worth their time.
-constexpr size_t kDeviceViews = 600, kHostViews = 150;
+constexpr size_t kDeviceViews = 600;
 // Bytes grow by this share with each decibel, about. A fit does not pay that saves less than 2 %,
 // or whose worst camera or instant is below that of weights alone, and so much further below the
 // mean, in dB.
@@ -162,7 +162,7 @@ Refit::Refit(Context& context, const std::string& name, const RefitInput& input)
     : parts_(new Parts{context, name, input, {}, {}, {}, false, {}, {}, {}, 0}) {
   parts_->timed([&] {
     Progress progress(context, "encode");
-    const size_t most = context.backend() == L4D_BACKEND_CUDA ? kDeviceViews : kHostViews;
+    const size_t most = context.backend() == L4D_BACKEND_CUDA ? kDeviceViews : kHostFitViews;
     parts_->views.emplace(rendering_of(context, "fast", 2), input.scene, input.views, most,
                           progress);
   });
@@ -180,6 +180,13 @@ eval::Encoding Refit::encode(const EncoderHandle& encoder, const io::Weights& we
       Progress progress(parts.context, "encode");
       return parts.check(plain.stream, progress);
     });
+    // Also where a target chose the quality.
+    const bool missed = parts.plain->fidelity.psnr < parts.input.fidelity - kMissed;
+    if (parts.input.only_if_missed && !missed) {
+      parts.context.note(
+          "opacities are not fitted, which takes long in so many views; --refit fits them");
+      return plain;
+    }
     if (parts.input.fidelity == 0) parts.input.fidelity = parts.plain->fidelity.psnr + kGain;
   }
   parts.fit(weights, passes);

@@ -15,6 +15,9 @@
 
 namespace l4d::cli {
 
+// Views of the fit that are worth their time on processors.
+inline constexpr size_t kHostFitViews = 150;
+
 // What a refit is made of, borrowed.
 struct RefitInput {
   const io::Scene& scene;
@@ -24,6 +27,8 @@ struct RefitInput {
   // many bytes.
   double fidelity;
   bool all_views;  // whether a Gaussian that no view shows is dropped
+  // Where a fit would take long: only if weights alone miss the fidelity.
+  bool only_if_missed;
 };
 
 // What a refit does to an encoder that has the scene and weights of it.

@@ -81,6 +81,6 @@ for options in '--weights w.ply' '--orbit 3'; do
   expect 2 encode s.ply -o misused.l4d --estimate $options
 done
 expect_missing misused.l4d
-# Cameras, too, of which some are left out: half of what counts is what they show.
+# Cameras, too, of which some are left out, prune nothing.
 expect_document 0 encode s.ply -o orbit.l4d --orbit 3 --frames 0
 expect_json out 'not d["sensitivity"]["made_up"] and d["pruned"] == 0'

@@ -120,6 +120,26 @@ TEST(DealViews, ChecksByTheViewsOfTheFitWhereThereAreNoOthers) {
   EXPECT_EQ(chosen(dealt.check), chosen(dealt.fit));
 }
 
+// Three minutes from every instant, or images of 16 million pixels, take long; five seconds in
+// small ones do not.
+TEST(DealViews, TellsWhichFitsTakeLong) {
+  const auto is_long = [](uint32_t side, uint32_t frames, size_t num_gaussians) {
+    CameraViews views;
+    views.set.cameras.resize(2);
+    for (io::Camera& camera : views.set.cameras) camera.camera.width = camera.camera.height = side;
+    for (uint32_t frame = 0; frame < frames; ++frame) {
+      for (size_t camera = 0; camera < 2; ++camera) {
+        views.views.push_back({camera, frame / 30.0, frame});
+      }
+    }
+    return is_long_fit(views, 150, num_gaussians);
+  };
+  EXPECT_FALSE(is_long(480, 150, 200000));
+  EXPECT_TRUE(is_long(480, 5400, 200000));
+  EXPECT_TRUE(is_long(4096, 150, 200000));
+  EXPECT_TRUE(is_long(480, 150, 10000000));
+}
+
 // Each camera of the orbit once, each at another instant of the sequence.
 TEST(MadeUpViews, LookFromAllSidesAtAllTimes) {
   io::Scene scene = faint_scene();
