@@ -157,9 +157,6 @@ Status Session::check_memory(const EncoderInput& input, double now, size_t more)
 Status Session::add(const Encoder& encoder) {
   const EncoderInput& input = encoder.input();
   if (input.gaussians.count == 0) return Status(L4D_ERR_INVALID_STATE, "no scene is set");
-  if (input.stated_opacity != nullptr) {
-    return Status(L4D_ERR_INVALID_STATE, "a session codes the opacities of the scene");
-  }
   L4D_RETURN_IF_ERROR(check_piece(input));
   const bool lossless = encoder.settings().get_bool(Parameter::kLossless);
   EncoderScene prepared;

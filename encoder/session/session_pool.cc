@@ -40,6 +40,7 @@ uint64_t SessionPool::bytes_of(const EncoderInput& input, size_t count) {
   uint64_t numbers = numbers_per_gaussian(input.gaussians.sh_degree);
   for (const float* weights : input.importance.weights) numbers += weights != nullptr ? 1 : 0;
   numbers += input.importance.min_sizes != nullptr ? 1 : 0;
+  numbers += input.stated_opacity != nullptr ? 1 : 0;
   return uint64_t{count} * (numbers * sizeof(float) + sizeof(PooledGaussian));
 }
 
@@ -81,6 +82,14 @@ Status SessionPool::add(const EncoderInput& input, const EncoderScene& prepared,
   }
   if (input.importance.min_sizes != nullptr)
     append_rows(from, 1, input.importance.min_sizes, &min_sizes_);
+  if (input.stated_opacity != nullptr || !stated_opacity_.empty()) {
+    // Those of pieces that were not fitted are their own.
+    if (stated_opacity_.empty()) {
+      stated_opacity_.assign(arrays_.opacity.begin(), arrays_.opacity.begin() + ptrdiff_t(before));
+    }
+    append_rows(from, 1, input.stated_opacity != nullptr ? input.stated_opacity : g.opacity,
+                &stated_opacity_);
+  }
 
   const std::vector<double> share = lossless ? std::vector<double>(prepared.count, 0)
                                              : estimated_shares(prepared, &sum_of_estimates_);
@@ -121,6 +130,7 @@ void SessionPool::keep(const std::vector<char>& mask) {
   keep_rows(mask, 1, &rows_);
   for (std::vector<float>& w : weights_) keep_rows(mask, 1, &w);
   keep_rows(mask, 1, &min_sizes_);
+  keep_rows(mask, 1, &stated_opacity_);
 }
 
 SessionScene::SessionScene(const SessionPool& pool, const std::vector<uint32_t>& rows,
@@ -138,6 +148,9 @@ SessionScene::SessionScene(const SessionPool& pool, const std::vector<uint32_t>&
     if (!pool.weights_[k].empty()) append_rows(rows, 1, pool.weights_[k].data(), &weights_[k]);
   }
   if (!pool.min_sizes_.empty()) append_rows(rows, 1, pool.min_sizes_.data(), &min_sizes_);
+  if (!pool.stated_opacity_.empty()) {
+    append_rows(rows, 1, pool.stated_opacity_.data(), &stated_opacity_);
+  }
   const Sequence span = sequence_of(timeline);
   const double fps = static_cast<double>(timeline.fps_num) / timeline.fps_den;
   const bool at_mean = (arrays_.flags & L4D_POSITION_AT_MEAN_TIME) != 0;
@@ -179,6 +192,7 @@ EncoderInput SessionScene::input(const EncoderInput& like) const {
     if (!weights_[k].empty()) in.importance.weights[k] = weights_[k].data();
   }
   if (!min_sizes_.empty()) in.importance.min_sizes = min_sizes_.data();
+  if (!stated_opacity_.empty()) in.stated_opacity = stated_opacity_.data();
   in.exposure = exposure_.data();
   in.share = share_.data();
   return in;

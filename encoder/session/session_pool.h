@@ -38,7 +38,8 @@ class SessionPool {
   bool has_windows_ = false;
   std::array<std::vector<float>, L4D_WEIGHT_COUNT> weights_;
   std::vector<float> min_sizes_;
-  uint32_t metric_ = 0;  // of weights
+  std::vector<float> stated_opacity_;  // as EncoderInput has it; empty: of no Gaussian
+  uint32_t metric_ = 0;                // of weights
   // Of the first piece: later ones hold only what is new, which is a part of the image.
   double sum_of_estimates_ = 0;
 };
@@ -60,7 +61,7 @@ class SessionScene {
   AttributeArrays arrays_;
   std::array<std::vector<float>, L4D_WEIGHT_COUNT> weights_;
   uint32_t metric_;
-  std::vector<float> min_sizes_, exposure_;
+  std::vector<float> min_sizes_, stated_opacity_, exposure_;
   std::vector<double> share_;
 };
 

@@ -160,8 +160,7 @@ L4D_API l4d_status l4d_encoder_set_scene(l4d_encoder* encoder, const l4d_gaussia
  * others are dropped, say. The errors of opacity that the report and the stream state stay those
  * against the scene. opacity: [count] as the scene has them (L4D_OPACITY_LOGIT); borrowed until
  * another scene is set, which is coded with its own; NULL = the scene's. Fails with INVALID_STATE
- * without a scene. Encoding fails with INVALID_ARGUMENT where the stream is to be lossless, and a
- * session takes no such scene. */
+ * without a scene. Encoding fails with INVALID_ARGUMENT where the stream is to be lossless. */
 L4D_API l4d_status l4d_encoder_set_fitted_opacity(l4d_encoder* encoder, const float* opacity);
 
 /* What importance was measured from. It decides what is dropped, unless L4D_ENC_PRUNE_WEIGHT and

@@ -13,6 +13,7 @@
 #include <memory>
 
 #include "l4d/attributes.hpp"
+#include "l4d/experimental/inspect.h"
 #include "libl4dcodec/scene/slice.h"
 #include "libl4dcodec/scene/timeline.h"
 #include "tests/common/codec.h"
@@ -413,6 +414,44 @@ TEST(Session, EqualGaussiansOfAPieceStay) {
     standing += decoder.info().num_gaussians;
   }
   EXPECT_EQ(standing, 600u);
+}
+
+// The largest error of an opacity that a member states.
+double stated_opacity_error(const Recorded& r, const l4d_member& member) {
+  DecoderHandle decoder;
+  decoder.open_memory(r.bytes.data() + member.offset, static_cast<size_t>(member.bytes));
+  l4d_coding_errors errors = L4D_INIT(l4d_coding_errors);
+  decoder.check(l4d_decoder_get_coding_errors(decoder.get(), &errors));
+  return errors.opacity;
+}
+
+// Opacities of a piece may be fitted; what its members state is about the scene.
+TEST(Session, StatesErrorsOfFittedOpacitiesAgainstTheScene) {
+  SceneOptions o;
+  o.count = 60;
+  o.outside = 0;
+  TestScene scene = make_scene(o);
+  scene.flags &= ~static_cast<uint32_t>(L4D_OPACITY_LOGIT);
+  for (float& opacity : scene.opacity) opacity = 0.8f;
+  TestScene next = scene;
+  next.timeline.time_begin += scene.duration();
+  for (float& t : next.mean_t) t += static_cast<float>(scene.duration());
+  const std::vector<float> fitted(scene.opacity.size(), 0.3f);
+  Recorder recorder(EncodeOptions(), scene, session_options(scene.duration()));
+  ASSERT_EQ(recorder.add(scene), L4D_OK);
+  const size_t before = recorder.out.members.size();
+  prepare_encoder(next, EncodeOptions(), recorder.encoder());
+  recorder.encoder().check(l4d_encoder_set_fitted_opacity(recorder.encoder().get(), fitted.data()));
+  ASSERT_EQ(l4d_session_add(recorder.session()), L4D_OK) << l4d_last_error_message();
+  ASSERT_EQ(recorder.encode(), L4D_OK);
+  const Recorded& r = recorder.out;
+  double first = 0, second = 0;
+  for (size_t m = 0; m < r.members.size(); ++m) {
+    double& worst = m < before ? first : second;
+    worst = std::max(worst, stated_opacity_error(r, r.members[m]));
+  }
+  EXPECT_LT(first, 0.1);
+  EXPECT_NEAR(second, 0.5, 0.05);
 }
 
 // A member in which nothing of its own is visible has no Gaussians, and shows what it needs.
