@@ -7,12 +7,16 @@
 Writes OUT, which ctest includes: for each suite of PROGRAM the test PREFIX+SUITE, which runs its cases in
 one process, in the folder of OUT, and leaves their results in BUILD_DIR/results/suites. Of each suite the names of its cases go to
 BUILD_DIR/suites, so that tests/summary.py knows which did not run. Suites whose names end in Nightly have the label
-nightly too: they are measurements that take long."""
+nightly too: they are measurements that take long. Those of slow.txt begin first: without a COST, a new machine
+begins them in the order of these files, and ends with one long test and an idle processor."""
 import json
 import pathlib
 import shutil
 import subprocess
 import sys
+
+SLOW = pathlib.Path(__file__).with_name("slow.txt")
+COST = 50  # of suites that it lists: they begin first
 
 
 def suites_of(listing):
@@ -34,6 +38,7 @@ def quoted(text):
 def main(program, prefix, build, out, *properties):
     build, out = pathlib.Path(build), pathlib.Path(out)
     properties = ["WORKING_DIRECTORY", quoted(out.parent), *properties]
+    slow = {line.split(":")[0] for line in SLOW.read_text(encoding="utf-8").splitlines()}
     listing = subprocess.run([program, "--gtest_list_tests"], capture_output=True, text=True, check=False)
     suites = suites_of(listing.stdout)
     if listing.returncode != 0 or not suites:
@@ -47,8 +52,9 @@ def main(program, prefix, build, out, *properties):
         command = [program, f"--gtest_filter={suite}.*",
                    f"--gtest_output=xml:{build}/results/suites/{prefix}{suite}.xml"]
         labels = ["LABELS", quoted("unit;nightly")] if suite.endswith("Nightly") else []
+        cost = ["COST", str(COST)] if prefix + suite in slow else []
         lines += [f"add_test({quoted(prefix + suite)} {' '.join(map(quoted, command))})",
-                  f"set_tests_properties({quoted(prefix + suite)} PROPERTIES {' '.join([*properties, *labels])})"]
+                  f"set_tests_properties({quoted(prefix + suite)} PROPERTIES {' '.join([*properties, *labels, *cost])})"]
     out.write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 
