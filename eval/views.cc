@@ -78,7 +78,9 @@ DealtViews deal_views(const CameraViews& all, size_t most) {
   for (size_t k = 0; k < instants.size(); ++k) {
     const std::vector<io::View>& of = instants[k];
     const double size = static_cast<double>(of.size());
-    const double share = std::clamp(num_fit, 1.0, std::max(1.0, size / (1 + kCheckShare)));
+    // What one view shows serves the fit or the check.
+    const double most_share = size / (1 + kCheckShare);
+    const double share = std::clamp(num_fit, std::min(1.0, most_share), most_share);
     fit_due += share;
     check_due += share * kCheckShare * (1 - kSeenShare);
     const auto fit = std::min(static_cast<size_t>(fit_due + kRounding), of.size());
@@ -92,6 +94,7 @@ DealtViews deal_views(const CameraViews& all, size_t most) {
       (n < fit ? dealt.fit : dealt.check).views.push_back(of[(7 * k + n * stride) % of.size()]);
     }
   }
+  if (dealt.fit.views.empty()) std::swap(dealt.fit, dealt.check);
   if (dealt.check.views.empty()) dealt.check = dealt.fit;
   return dealt;
 }

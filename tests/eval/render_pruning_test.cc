@@ -108,16 +108,23 @@ TEST(DealViews, GivesEveryInstantToTheFitAndOthersToTheCheck) {
   EXPECT_TRUE(std::any_of(at.begin(), at.end(), [](const auto& a) { return a.second == 4; }));
 }
 
-TEST(DealViews, ChecksByTheViewsOfTheFitWhereThereAreNoOthers) {
+// Where one camera sees an instant, as one that moves does, every other instant is checked; a view
+// alone serves the fit and the check.
+TEST(DealViews, SharesInstantsThatOneCameraSees) {
   Setting s;
   std::vector<io::View> one;
   for (const io::View& view : s.views.views) {
     if (view.camera == 0) one.push_back(view);
   }
-  s.views.views = one;
-  const DealtViews dealt = deal_views(s.views, 100);
-  EXPECT_EQ(chosen(dealt.fit).size(), one.size());
-  EXPECT_EQ(chosen(dealt.check), chosen(dealt.fit));
+  for (const size_t count : {one.size(), size_t{1}}) {
+    one.resize(count);
+    s.views.views = one;
+    const DealtViews dealt = deal_views(s.views, 100);
+    const Chosen fit = chosen(dealt.fit), check = chosen(dealt.check);
+    EXPECT_EQ(fit.size(), std::max<size_t>(1, count / 2));
+    EXPECT_EQ(check.size(), std::max<size_t>(1, count - fit.size()));
+    EXPECT_EQ(check == fit, count == 1);
+  }
 }
 
 // Three minutes from every instant, or images of 16 million pixels, take long; five seconds in
