@@ -22,6 +22,14 @@ void finish(BenchScene& s) {
 
 }  // namespace
 
+eval::CameraViews BenchScene::training_views() const {
+  eval::CameraViews all{set, {}};
+  for (uint32_t frame = 0; frame < scene.timeline.num_frames; ++frame) {
+    for (const uint32_t camera : training) all.views.push_back({camera, time_of(frame), frame});
+  }
+  return all;
+}
+
 std::vector<uint32_t> BenchScene::frames(uint32_t count) const {
   const uint32_t n = scene.timeline.num_frames;
   std::vector<uint32_t> out;

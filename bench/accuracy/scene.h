@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "eval/views.h"
 #include "io/camera/cameras.h"
 #include "io/synth/synth.h"
 
@@ -21,6 +22,8 @@ struct BenchScene {
   double time_of(uint32_t frame) const {
     return scene.timeline.time_begin + static_cast<double>(frame) / fps;
   }
+  // All training cameras at all instants.
+  eval::CameraViews training_views() const;
   // [num_frames] or fewer, spread evenly from frame 0 on.
   std::vector<uint32_t> frames(uint32_t count) const;
 };

@@ -11,7 +11,6 @@
 #include "bench/accuracy/timing.h"
 #include "eval/views.h"
 #include "io/ply/weights.h"
-#include "l4d/render.hpp"
 
 namespace l4d::bench {
 namespace {
@@ -111,41 +110,19 @@ l4d_measure_options measure_options(uint32_t metric, double agreement, double ma
   return options;
 }
 
-namespace {
-
-Measured measure_views(const io::Scene& scene, const std::vector<l4d_camera>& cameras,
-                       const std::vector<l4d_view>& views, const l4d_measure_options& options,
-                       const l4d_renderer_options* renderer_options) {
-  Measured m;
-  m.report = L4D_INIT(l4d_measure_report);
-  const double started = seconds_now();
-  RendererHandle renderer(renderer_options);
-  renderer.set_gaussians(scene.view(), scene.timeline);
-  const auto columns = m.weights.make_columns(scene.count());
-  renderer.check(l4d_measure_importance(
-      renderer.get(), cameras.data(), static_cast<uint32_t>(cameras.size()), views.data(),
-      views.size(), &options, columns.data(), scene.count(), &m.report));
-  m.weights.gauss_newton = options.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
-  m.seconds = seconds_now() - started;
-  return m;
-}
-
-}  // namespace
-
 Measured measure(const BenchScene& s, const l4d_measure_options& options,
-                 const l4d_renderer_options* renderer_options) {
-  std::vector<l4d_view> views;
-  for (uint32_t frame = 0; frame < s.scene.timeline.num_frames; ++frame) {
-    for (const uint32_t camera : s.training) views.push_back({s.time_of(frame), camera, 0});
-  }
-  return measure_views(s.scene, s.cameras, views, options, renderer_options);
+                 const l4d_renderer_options* renderer) {
+  const l4d_renderer_options defaults = L4D_INIT(l4d_renderer_options);
+  return eval::measure_importance(renderer != nullptr ? *renderer : defaults, s.scene,
+                                  s.training_views(), options);
 }
 
-Measured measure_made_up(const io::Scene& scene) {
-  const eval::CameraViews made_up = eval::made_up_views(scene);
-  constexpr double kAllViews = 2;  // a correlation never gets there
-  return measure_views(scene, made_up.pinholes(), made_up.numbered(),
-                       measure_options(L4D_SENSITIVITY_GAUSS_NEWTON, kAllViews), nullptr);
+Measured measure_made_up(const io::Scene& scene, uint32_t backend) {
+  l4d_renderer_options rendering = L4D_INIT(l4d_renderer_options);
+  rendering.backend = backend;
+  const eval::CameraViews views = eval::made_up_views(scene);
+  return eval::measure_importance(rendering, scene, views,
+                                  eval::measure_options(views.views.size(), views.views.size(), 0));
 }
 
 Measured measure_cached(const BenchScene& s, const l4d_measure_options& options,

@@ -5,15 +5,11 @@
 #include <string>
 
 #include "bench/accuracy/scene.h"
-#include "io/ply/weights.h"
+#include "eval/importance.h"
 
 namespace l4d::bench {
 
-struct Measured {
-  io::Weights weights;
-  l4d_measure_report report{};
-  double seconds = 0;
-};
+using Measured = eval::MeasuredImportance;
 
 // measure: L4D_SENSITIVITY_*.
 l4d_measure_options measure_options(uint32_t metric, double agreement, double max_share = 1);
@@ -22,7 +18,7 @@ l4d_measure_options measure_options(uint32_t metric, double agreement, double ma
 Measured measure(const BenchScene& scene, const l4d_measure_options& options,
                  const l4d_renderer_options* renderer = nullptr);
 // As the tool measures a scene that comes without cameras.
-Measured measure_made_up(const io::Scene& scene);
+Measured measure_made_up(const io::Scene& scene, uint32_t backend = L4D_BACKEND_CPU);
 // The first, taken from `path` if that was written for this scene, these cameras and options.
 Measured measure_cached(const BenchScene& scene, const l4d_measure_options& options,
                         const std::string& path);

@@ -7,8 +7,7 @@
 
 #include "cli/camera_arguments.h"
 #include "cli/common.h"
-#include "io/ply/weights.h"
-#include "l4d/render.h"
+#include "eval/importance.h"
 
 namespace l4d::cli {
 
@@ -30,10 +29,7 @@ struct MeasureArguments {
   static constexpr const char* kDefault = "gauss-newton";
 };
 
-struct Importance {
-  io::Weights weights;
-  l4d_measure_report report;
-  double seconds = 0;
+struct Importance : eval::MeasuredImportance {
   bool made_up = false;  // the views: for a scene that comes without cameras
 
   Json json() const;

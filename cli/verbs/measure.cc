@@ -7,25 +7,21 @@
 #include "cli/text/progress.h"
 #include "cli/text/units.h"
 #include "cli/verbs/importance.h"
+#include "eval/importance.h"
 #include "l4d/cuda.h"
 
 namespace l4d::cli {
 namespace {
 
 l4d_measure_options options_of(const MeasureArguments& a, size_t num_views) {
-  constexpr double kNever = 2;  // a correlation does not get there
   a.check();
-  l4d_measure_options options = L4D_INIT(l4d_measure_options);
-  if (a.metric == "gauss-newton") options.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
-  options.seed = a.seed;
+  l4d_measure_options options =
+      eval::measure_options(a.all_views ? num_views : a.most_views, num_views, a.seed);
+  if (a.metric != "gauss-newton") options.metric = L4D_SENSITIVITY_SUM;
   if (!a.agreement.empty()) options.agreement = parse_number(a.agreement, "--agreement");
   options.visibility_all = a.visibility == "all" ? 1 : 0;
   options.skip_visibility = a.visibility == "none" ? 1 : 0;
-  if (a.all_views || a.most_views > 0) options.agreement = kNever;
   if (!a.max_share.empty()) options.max_share = parse_number(a.max_share, "--max-share");
-  if (a.most_views > 0 && a.most_views < num_views) {
-    options.max_share = static_cast<double>(a.most_views) / static_cast<double>(num_views);
-  }
   return options;
 }
 
@@ -33,13 +29,8 @@ l4d_measure_options options_of(const MeasureArguments& a, size_t num_views) {
 
 Importance measure_importance(Context& context, const std::string& verb, const io::Scene& scene,
                               const eval::CameraViews& all, const MeasureArguments& arguments) {
-  const Stopwatch watch;
   l4d_measure_options options = options_of(arguments, all.views.size());
   options.group = arguments.alone ? nullptr : context.group().handle();
-  const std::vector<l4d_camera> cameras = all.pinholes();
-  const std::vector<l4d_view> views = all.numbered();
-  Importance result;
-  result.report = L4D_INIT(l4d_measure_report);
   l4d_renderer_options rendering = renderer_options(context);
   // Views cost a device little: there is no need to be sparing of them.
   if (arguments.agreement.empty() && !arguments.all_views &&
@@ -57,21 +48,14 @@ Importance measure_importance(Context& context, const std::string& verb, const i
   const uint64_t numbers = options.metric == L4D_SENSITIVITY_GAUSS_NEWTON ? 9 : 35;
   const std::shared_ptr<void> sums = io::hold(
       context.budget().holder(),
-      scene.count() * (2 * numbers * sizeof(double) + 192) + views.size() * sizeof(l4d_view),
+      scene.count() * (2 * numbers * sizeof(double) + 192) + all.views.size() * sizeof(l4d_view),
       "the importance of Gaussians");
-  RendererHandle renderer(&rendering);
-  const l4d_gaussians gaussians = scene.view();
-  renderer.set_rendering(&scene.rendering);
-  renderer.set_gaussians(gaussians, scene.timeline);
-  result.weights.gauss_newton = options.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
-  const auto columns = result.weights.make_columns(scene.count());
   Progress progress(context, verb);
   options.progress = &Progress::callback;
   options.progress_user = &progress;
-  renderer.check(l4d_measure_importance(
-      renderer.get(), cameras.data(), static_cast<uint32_t>(cameras.size()), views.data(),
-      views.size(), &options, columns.data(), scene.count(), &result.report));
-  result.seconds = watch.seconds();
+  Importance result;
+  static_cast<eval::MeasuredImportance&>(result) =
+      eval::measure_importance(rendering, scene, all, options);
   return result;
 }
 
