@@ -11,6 +11,7 @@
 #include "cli/common.h"
 #include "cli/files.h"
 #include "cli/frame_files.h"
+#include "cli/rendering.h"
 #include "cli/scene_source.h"
 #include "cli/text/comparison_text.h"
 #include "cli/text/progress.h"
@@ -368,11 +369,16 @@ EncoderHandle make_encoder(const Context& context, const EncodeArguments& argume
   return EncoderHandle(&options);
 }
 
+// The preset, what was set, and what is pruned.
+void set_coding(Context& context, const EncodeArguments& arguments, const EncoderHandle& encoder) {
+  arguments.parameters.apply(context, encoder);
+  tell_pruning(context, arguments, encoder);
+}
+
 void set_parameters(Context& context, const EncodeArguments& arguments, bool has_target,
                     const EncoderHandle& encoder) {
-  arguments.parameters.apply(context, encoder);
+  set_coding(context, arguments, encoder);
   if (has_target) arguments.parameters.require_quality(encoder, "a target");
-  tell_pruning(context, arguments, encoder);
   l4d_rendering rendering = default_rendering();
   l4d_presentation presentation = default_presentation();
   change_statements(arguments, &rendering, &presentation);
@@ -386,46 +392,15 @@ void set_parameters(Context& context, const EncodeArguments& arguments, bool has
   }
 }
 
-// Of a refit, unless the user says otherwise: on processors two passes bring most of what four do.
-constexpr uint32_t kDevicePasses = 4, kHostPasses = 2;
-// More or fewer by the effort.
-uint32_t passes_of(uint32_t backend, double effort) {
-  const uint32_t usual = backend == L4D_BACKEND_CUDA ? kDevicePasses : kHostPasses;
-  constexpr double kUsual = 7, kHalf = 4, kTwice = 8;
-  if (effort > kTwice) return 4 * usual;
-  if (effort > kUsual) return 2 * usual;
-  if (effort == kUsual) return usual;
-  return effort >= kHalf ? usual / 2 : 1;
-}
-// Views that are measured before a refit on processors: more than agree, since what is pruned by
-// them is gone.
-constexpr size_t kViewsBefore = 700;
-
-// Bounds of colours follow a quality below that of the preset. A refit changes the quality, and the
-// bounds stay those of the fidelity aimed at.
-void keep_color_bounds(const EncodeArguments& arguments, const EncoderHandle& encoder,
-                       double fidelity) {
-  const EncoderHandle fresh;
-  fresh.check(l4d_encoder_set_preset(fresh.get(), arguments.parameters.preset.c_str()));
-  const double below = eval::get_parameter(fresh, L4D_ENC_QUALITY) - fidelity;
-  const double factor = std::pow(10.0, std::max(0.0, below) / 20);
-  for (const char* name : {L4D_ENC_MAX_BASE_COLOR_ERROR, L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR}) {
-    if (arguments.parameters.sets(name)) continue;
-    encoder.set(name, factor * eval::get_parameter(encoder, name));
-  }
-}
-
 // Passes of the fit of opacities, 0 = none: by default where the encoder would otherwise drop
 // Gaussians by what they cost.
 uint32_t refit_passes(const EncodeArguments& arguments, const std::optional<eval::Target>& target,
                       uint32_t backend, const EncoderHandle& encoder) {
   if (arguments.refit == "0" || !refit_obstacle(arguments, target).empty()) return 0;
-  const bool can = eval::has_quality(encoder) &&
-                   eval::get_parameter(encoder, L4D_ENC_PRUNE_COST) > 0 &&
-                   eval::get_parameter(encoder, L4D_ENC_PRUNE_WEIGHT) < 0;
+  const bool can = eval::can_refit(encoder);
   if (arguments.refit.empty()) {
     if (!can || !arguments.has_all_views()) return 0;
-    return passes_of(backend, eval::get_parameter(encoder, L4D_ENC_EFFORT));
+    return eval::refit_defaults(backend, eval::get_parameter(encoder, L4D_ENC_EFFORT)).passes;
   }
   if (!can) {
     throw usage_error("--refit: the preset '" + arguments.parameters.preset +
@@ -474,11 +449,12 @@ std::optional<Measuring> choose_measuring(Context& context, const EncodeArgument
   std::optional<Measuring> measuring;
   if (!arguments.measures()) return measuring;
   measuring.emplace(context, arguments, scene);
-  if (passes == 0 || context.backend() == L4D_BACKEND_CUDA) return measuring;
-  measuring->fits_long =
-      arguments.refit.empty() && eval::is_long_fit(measuring->views, kHostFitViews, scene.count());
+  if (passes == 0) return measuring;
+  const eval::RefitDefaults defaults = eval::refit_defaults(context.backend());
+  measuring->fits_long = arguments.refit.empty() && context.backend() != L4D_BACKEND_CUDA &&
+                         eval::is_long_fit(measuring->views, defaults.fit_views, scene.count());
   if (!measuring->fits_long && !arguments.measure.given()) {
-    measuring->how.most_views = kViewsBefore;
+    measuring->how.most_views = defaults.views_before;
   }
   return measuring;
 }
@@ -508,7 +484,7 @@ eval::Encoding encode_once(Context& context, const EncoderHandle& encoder, const
 struct Encoded {
   const eval::Encoding& encoding;
   const std::optional<Importance>& importance;
-  const std::optional<Refit>& refit;
+  const std::optional<eval::Refit>& refit;
   const std::optional<TargetReached>& reached;
   double quality, read_seconds, total_seconds;
 };
@@ -526,7 +502,7 @@ Outcome describe(const EncodeArguments& arguments, const Input& input, const io:
       encoded;
   Json& stages = outcome.json["steps"] = {{"read", read_seconds}};
   if (importance) stages["sensitivity"] = importance->seconds;
-  if (refit) stages["refit"] = refit->seconds();
+  if (refit) stages["refit"] = refit->seconds;
   if (reached) stages["search"] = reached->seconds;
   for (const auto& [stage, seconds] : encoding.stages) stages[stage] = seconds;
   if (eval::has_quality(encoder)) {
@@ -542,7 +518,7 @@ Outcome describe(const EncodeArguments& arguments, const Input& input, const io:
     outcome.json["sensitivity"]["made_up"] = importance->made_up;
     outcome.text += importance->text();
   }
-  if (refit) refit->describe(&outcome);
+  if (refit) describe_refit(*refit, &outcome);
   return outcome;
 }
 
@@ -567,8 +543,12 @@ void check_live(Context& context, const EncodeArguments& arguments, bool has_tar
     throw usage_error("--live excludes --match and --sequence-error");
   }
   if (has_target || !arguments.order.empty() || arguments.verify ||
-      !arguments.save_weights.empty() || !arguments.refit.empty()) {
-    throw usage_error("--live excludes targets, --order, --refit, --verify and --save-weights");
+      !arguments.save_weights.empty()) {
+    throw usage_error("--live excludes targets, --order, --verify and --save-weights");
+  }
+  // A piece lacks what lives on of those before it, so that its renders tell too little.
+  if (!arguments.refit.empty() && arguments.has_pieces()) {
+    throw usage_error("--refit is for one scene, not for pieces of one");
   }
   if (context.group().count() > 1) throw usage_error("--live is not for several ranks");
   if (!arguments.weights.empty() && arguments.has_pieces()) {
@@ -594,44 +574,67 @@ void set_scene(Context& context, const EncodeArguments& arguments, const io::Sce
   }
 }
 
+// aim: the fidelity that the coded scene is to have; 0: what follows from that of weights alone.
 // search: encodes to a target, if there is one; *reached is of the encoding that is returned.
-eval::Encoding encode_refitted(Context& context, const EncodeArguments& arguments,
-                               const Input& input, const io::Scene& scene,
-                               const EncoderHandle& encoder, uint32_t passes,
-                               EncoderImportance& told, Refit& refit,
-                               const std::function<TargetReached(eval::Encoding*)>& search,
-                               std::optional<TargetReached>* reached) {
-  RefitCalls calls;
+eval::Refit encode_refitted(Context& context, const EncodeArguments& arguments, const Input& input,
+                            const io::Scene& scene, const EncoderHandle& encoder,
+                            const Measuring& measuring, uint32_t passes, double aim,
+                            EncoderImportance& told,
+                            const std::function<TargetReached(eval::Encoding*)>& search,
+                            std::optional<TargetReached>* reached) {
+  std::optional<Progress> progress;
   std::optional<TargetReached> fitted;
+  eval::RefitCalls calls;
+  calls.begin = [&](const std::string& label) -> eval::Observer& {
+    progress.reset();
+    return progress.emplace(context, "encode", label);
+  };
+  calls.holder = context.budget().holder();
+  calls.encode_plain = [&] {
+    progress.reset();
+    if (!search) return encode_once(context, encoder, input, "", true);
+    eval::Encoding encoding;
+    *reached = search(&encoding);
+    return encoding;
+  };
   if (search) {
-    calls.encode_plain = [&] {
-      eval::Encoding encoding;
-      *reached = search(&encoding);
-      return encoding;
-    };
     calls.encode_fitted = [&]() -> std::optional<eval::Encoding> {
+      progress.reset();
       eval::Encoding encoding;
       fitted = search(&encoding);
       const auto met = [](const TargetReached& of) { return of.search.result().met; };
       if (met(**reached) && !met(*fitted)) return std::nullopt;
       return encoding;
     };
-  } else {
-    calls.encode_plain = [&] { return encode_once(context, encoder, input, "", true); };
   }
-  calls.replace = [&](const std::vector<float>& opacity, const io::Weights& weights,
-                      double fidelity) {
-    encoder.check(l4d_encoder_set_fitted_opacity(encoder.get(), opacity.data()));
+  calls.measure = [&](const io::Scene& part) {
+    progress.reset();
+    MeasureArguments how = measuring.how;
+    how.alone = true;  // other ranks have no part to measure
+    if (how.most_views > 0) {
+      how.most_views = eval::refit_defaults(context.backend()).views_after;
+      how.visibility = "none";  // what stays stays
+    }
+    return measure_importance(context, "encode", part, measuring.views, how).weights;
+  };
+  calls.set_weights = [&](const io::Weights& weights) {
     told.set_weights(kMeasuredWeights, weights, arguments.weight_views(), scene.count());
     about(kMeasuredWeights, [&] { told.tell(encoder); });
-    keep_color_bounds(arguments, encoder, fidelity);
-    for (const char* name : {L4D_ENC_PRUNE_WEIGHT, L4D_ENC_PRUNE_COST}) encoder.set(name, 0);
   };
-  // The user asks for the fit: it stays, whatever it saves.
-  eval::Encoding encoding =
-      refit.encode(encoder, told.weights(), passes, !arguments.refit.empty(), calls);
-  if (refit.is_kept() && fitted) *reached = std::move(fitted);
-  return encoding;
+  eval::RefitInput in{scene, told.weights(), measuring.views, rendering_of(context, "fast", 2)};
+  in.fidelity = aim;
+  in.passes = passes;
+  in.fit_views = eval::refit_defaults(context.backend()).fit_views;
+  in.drop_unseen = arguments.has_all_views();
+  in.always = !arguments.refit.empty();  // the user asks for the fit: it stays, whatever it saves
+  in.only_if_missed = measuring.fits_long;
+  in.preset = arguments.parameters.preset;
+  in.is_set = [&](const char* name) { return arguments.parameters.sets(name); };
+  eval::Refit refit = about(input.name(), [&] { return eval::refit(in, encoder, calls); });
+  progress.reset();
+  note_refit(context, refit);
+  if (refit.is_kept && fitted) *reached = std::move(fitted);
+  return refit;
 }
 
 Outcome run_live(Context& context, const EncodeArguments& arguments) {
@@ -642,6 +645,9 @@ Outcome run_live(Context& context, const EncodeArguments& arguments) {
   check_extension(name, "--output", {".l4d"});
   const EncoderHandle encoder = make_encoder(context, arguments);
   set_parameters(context, arguments, false, encoder);
+  const uint32_t passes =
+      arguments.has_pieces() ? 0 : refit_passes(arguments, {}, context.backend(), encoder);
+  std::optional<eval::Refit> refit;
   l4d_presentation shown = default_presentation();
   const auto read = [&](const Input& piece, const std::function<void(const io::Scene&)>& use) {
     const LoadedScene loaded = load(context, arguments, piece, arguments.has_pieces(), &shown);
@@ -654,12 +660,26 @@ Outcome run_live(Context& context, const EncodeArguments& arguments) {
     EncoderImportance told;
     about(piece.name(), [&] { set_scene(context, arguments, loaded.scene, encoder, &told); });
     std::optional<Output> unused;
-    set_weights(context, arguments, piece, loaded.scene, encoder,
-                choose_measuring(context, arguments, loaded.scene, 0), unused, told);
+    const std::optional<Measuring> measuring =
+        choose_measuring(context, arguments, loaded.scene, passes);
+    set_weights(context, arguments, piece, loaded.scene, encoder, measuring, unused, told);
+    if (passes > 0) {
+      const io::Weights measured = told.weights();
+      refit = encode_refitted(context, arguments, piece, loaded.scene, encoder, *measuring, passes,
+                              eval::get_parameter(encoder, L4D_ENC_QUALITY), told, {}, nullptr);
+      refit->encoding = {};
+      if (!refit->is_kept) {
+        set_coding(context, arguments, encoder);
+        encoder.check(l4d_encoder_set_fitted_opacity(encoder.get(), nullptr));
+        told.set_weights(kMeasuredWeights, measured, arguments.weight_views(), measured.count);
+        told.tell(encoder);
+      }
+    }
     use(loaded.scene);
   };
   Outcome outcome = encode_live(context, arguments.live, arguments.inputs, name, {encoder, read});
   outcome.json["preset"] = arguments.parameters.preset;
+  if (refit) describe_refit(*refit, &outcome);
   return outcome;
 }
 
@@ -703,7 +723,7 @@ Outcome run_encode(Context& context, EncodeArguments& arguments) {
       set_weights(context, arguments, input, scene, encoder, measuring, outputs.weights, told);
   eval::Encoding encoding;
   std::optional<TargetReached> reached;
-  std::optional<Refit> refit;
+  std::optional<eval::Refit> refit;
   const bool wants_order = outputs.order || arguments.verify;
   const double quality =
       eval::has_quality(encoder) ? eval::get_parameter(encoder, L4D_ENC_QUALITY) : 0;
@@ -720,11 +740,9 @@ Outcome run_encode(Context& context, EncodeArguments& arguments) {
     const double aim = !target                                         ? quality
                        : target->kind == eval::Target::Kind::kFidelity ? target->requested
                                                                        : 0;
-    refit.emplace(context, input.name(),
-                  RefitInput{scene, measuring->views, measuring->how, aim,
-                             arguments.has_all_views(), measuring->fits_long});
-    encoding = encode_refitted(context, arguments, input, scene, encoder, passes, told, *refit,
-                               search, &reached);
+    refit = encode_refitted(context, arguments, input, scene, encoder, *measuring, passes, aim,
+                            told, search, &reached);
+    encoding = std::move(refit->encoding);
   } else if (target) {
     reached = search(&encoding);
   } else {

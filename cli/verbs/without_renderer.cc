@@ -2,9 +2,9 @@
 // What verbs find in place of the renderer where it was not built. Each of these says so and ends
 // the command; options that need it are refused before.
 #include "cli/common.h"
+#include "cli/rendering.h"
 #include "cli/verbs/compare_renders.h"
 #include "cli/verbs/importance.h"
-#include "cli/verbs/refit.h"
 #include "cli/verbs/view_meter.h"
 
 namespace l4d::cli {
@@ -15,18 +15,10 @@ Importance measure_importance(Context&, const std::string& verb, const io::Scene
   return {};
 }
 
-struct Refit::Parts {};
-
-Refit::Refit(Context&, const std::string&, const RefitInput&) { require_renderer("--refit"); }
-bool Refit::is_kept() const { return false; }
-
-Refit::~Refit() = default;
-eval::Encoding Refit::encode(const EncoderHandle&, const io::Weights&, uint32_t, bool,
-                             const RefitCalls&) {
+eval::Rendering rendering_of(Context&, const std::string&, uint32_t) {
+  require_renderer("--refit");
   return {};
 }
-double Refit::seconds() const { return 0; }
-void Refit::describe(Outcome*) const {}
 
 RendersCompared compare_renders(Context&, const Input&, const Input&, const ImportArguments&,
                                 const CameraArguments&, const RenderOptions&,

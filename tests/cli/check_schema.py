@@ -22,7 +22,20 @@ KNOWN = {"$schema", "title", "description", "type", "const", "enum", "minimum", 
          "minItems", "maxItems", "properties", "required", "additionalProperties"}
 
 
+def referred(reference):
+    """What "FILE#/KEY/.." means, of the schemas beside each other."""
+    name, _, pointer = reference.partition("#")
+    with open(os.path.join(sys.argv[1], name), encoding="utf-8") as f:
+        schema = json.load(f)
+    for key in pointer.strip("/").split("/"):
+        schema = schema[key]
+    return schema
+
+
 def check(value, schema, where, errors):
+    if "$ref" in schema:
+        check(value, referred(schema["$ref"]), where, errors)
+        return
     unknown = set(schema) - KNOWN
     if unknown:
         errors.append(f"{where}: schema keywords {sorted(unknown)} are not supported")

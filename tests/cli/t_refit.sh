@@ -38,6 +38,17 @@ expect 0 encode s.ply --cameras c.json --weights w.ply --prune-weight 0 --qualit
 cmp none.l4d file.l4d
 if cmp -s none.l4d d.l4d; then die "the refit does nothing"; fi
 
+# The members of a file are made of what was fitted; a piece of a scene lacks others that show in it.
+expect_document 0 encode s.ply --cameras c.json --quality 36 --live -o live.l4d
+expect_json out 'd["refit"]["kept"] and d["checked"]["fidelity"] >= 36'
+expect_document 0 encode s.ply --cameras c.json --quality 36 --live --refit 0 -o plain.l4d
+expect_json out '"refit" not in d'
+expect_document 0 compare s.ply live.l4d --cameras c.json --split train
+expect_json out 'd["fidelity_db"] > 35.5'
+expect_document 0 compare s.ply plain.l4d --cameras c.json --split train
+expect_json out 'd["fidelity_db"] < 33'
+expect 2 encode s.ply s.ply --cameras c.json --live --refit 2 -o pieces.l4d
+
 # Targets of bytes and of fidelity are reached with a fit, as with weights alone, by more fidelity or in fewer bytes.
 expect_document 0 encode s.ply --cameras c.json --target-size 15000 -o size.l4d
 expect_json out 'd["target"]["met"] and d["file_bytes"] <= 15000 and d["refit"]["kept"] and "trials" not in d["refit"]'
