@@ -173,7 +173,14 @@ std::string describe(const RunReport& r) {
   line("training", describe(r.train, r.lpips));
   line("test", describe(r.test, r.lpips));
   if (r.stream_bytes > 0) {
-    line("stream", std::to_string(r.stream_bytes) + " bytes");
+    std::string stream = std::to_string(r.stream_bytes) + " bytes";
+    if (r.stream_fidelity) {
+      const eval::CheckedFidelity& f = r.stream_fidelity->fidelity;
+      std::snprintf(text, sizeof(text), ", renders have %.2f dB of the scene's; %.2f dB at worst",
+                    f.psnr, r.stream_fidelity->worst());
+      stream += text;
+    }
+    line("stream", stream);
     line("  training", describe(r.stream_train, r.lpips));
     line("  test", describe(r.stream_test, r.lpips));
   }

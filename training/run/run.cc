@@ -7,6 +7,8 @@
 #include <filesystem>
 #include <system_error>
 
+#include "eval/view_encoding.h"
+#include "io/camera/write_cameras.h"
 #include "io/file/file.h"
 #include "io/ply/scene_ply.h"
 #include "l4d/render.hpp"
@@ -42,11 +44,26 @@ double since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
-void write_text(const std::string& path, const std::string& text) {
+// Text, or the bytes of a stream.
+template <typename Bytes>
+void write_whole(const std::string& path, const Bytes& bytes) {
   io::OutputFile file(path);
-  file.write(text.data(), text.size());
+  file.write(bytes.data(), bytes.size());
   file.commit();
 }
+
+// The steps of an encode, as those of a run.
+class EncodeObserver : public eval::Observer {
+ public:
+  explicit EncodeObserver(RunObserver* run) : run_(run) {}
+  void update(uint64_t done, uint64_t total, const char* stage) override {
+    run_->update(done, total, std::string("encoding: ") + stage);
+  }
+  bool cancelled() const override { return run_->cancelled(); }
+
+ private:
+  RunObserver* run_;
+};
 
 class Run {
  public:
@@ -225,7 +242,7 @@ class Run {
     if (options_.resume) {
       restore(load_newest());
       seconds_before_ = trainer_->state().seconds;
-      return write_text(file("settings.json"), json_of(settings_) + "\n");
+      return write_whole(file("settings.json"), json_of(settings_) + "\n");
     }
     place_gaussians();
     replace_run();
@@ -508,7 +525,7 @@ class Run {
     steps_ = relocated_ = born_ = skipped_ = 0;
     last_psnr_ = entry.psnr;
     loss_ = psnr_ = 0;
-    if (scores) write_text(file("curves.svg"), draw_curves(log_->entries()));
+    if (scores) write_whole(file("curves.svg"), draw_curves(log_->entries()));
   }
 
   // ms of the steps since the last call.
@@ -541,10 +558,10 @@ class Run {
     scene.presentation = first_view(capture_, *loader_);
     io::write_l4d_ply(file("scene.ply"), scene);
     scene.presentation = as_read(scene.presentation);  // streams of both have the same bytes
-    write_cameras(file("cameras.json"), capture_, *loader_);
+    io::write_cameras(file("cameras.json"), views_of(capture_, *loader_, "train").set);
     write_preview();
     times_.begin(kWriting);
-    write_text(file("curves.svg"), draw_curves(log_->entries()));
+    write_whole(file("curves.svg"), draw_curves(log_->entries()));
 
     RunReport report = describe_capture(capture_, *loader_);
     report.settings = settings_;
@@ -568,7 +585,7 @@ class Run {
     report.seconds =
         times_.seconds(store_->seconds_waited() - first_wait_, trainer_->seconds_swapping());
     report.total_seconds = seconds_before_ + since(started_);
-    write_text(file("report.json"), json_of(report) + "\n");
+    write_whole(file("report.json"), json_of(report) + "\n");
     writer_.finish();
     return report;
   }
@@ -580,13 +597,22 @@ class Run {
   }
 
   void encode(const io::Scene& scene, RunReport* report) {
-    observer_->update(0, 0, "measuring the importance of Gaussians");
-    const io::Weights weights = measure_weights(
-        scene, capture_, *loader_, rendering_of(settings_, options_.threads), settings_.seed);
-    io::write_weights_ply(file("weights.ply"), weights);
     observer_->update(0, 0, "encoding");
+    EncodeObserver hears(observer_);
+    eval::ViewEncodingOptions how;
+    how.preset = options_.preset;
+    how.rendering.renderer = rendering_of(settings_, options_.threads);
+    how.rendering.decoder.threads = options_.threads;
+    how.rendering.holder = how.holder = budget_.holder();
+    how.seed = settings_.seed;
+    const eval::ViewEncoding made =
+        eval::encode_for_views(make_encoder(scene, options_.preset, options_.threads), scene,
+                               views_of(capture_, *loader_, "train"), how, hears);
+    io::write_weights_ply(file("weights.ply"), made.importance.weights);
     const std::string stream = file("scene.l4d");
-    report->stream_bytes = encode_scene(stream, scene, weights, options_.preset, options_.threads);
+    write_whole(stream, made.encoding.stream);
+    report->stream_bytes = made.encoding.stream.size();
+    if (made.refit) report->stream_fidelity = made.refit->checked();
     StreamViews views(stream, capture_, *loader_, rendering_of(settings_, options_.threads));
     const auto render = [&](uint32_t view) { return views.render(view); };
     const Sample& sample = test_sample_->empty() ? *train_sample_ : *test_sample_;

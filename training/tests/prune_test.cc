@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "eval/importance.h"
 #include "io/image/metrics.h"
 #include "training/run/train/output.h"
 #include "training/step/backend.h"
@@ -59,7 +60,11 @@ TEST(Prune, AsksTheEncoder) {
   const Capture capture = read_capture(test::tiny_capture(), {});
   const ImageLoader loader(capture, 1);
   io::Scene scene = scene_of(model_of(test::tiny_truth()), capture.timeline());
-  const io::Weights weights = measure_weights(scene, capture, loader, rendering_of({}, 1), 0);
+  const eval::CameraViews views = views_of(capture, loader, "train");
+  const io::Weights weights =
+      eval::measure_importance(rendering_of({}, 1), scene, views,
+                               eval::measure_options(0, views.views.size(), 0))
+          .weights;
   const std::vector<uint8_t> small = worth_their_bits(scene, weights, "small", 1);
   const std::vector<uint8_t> tiny = worth_their_bits(scene, weights, "tiny", 1);
   ASSERT_EQ(small.size(), scene.count());

@@ -199,8 +199,8 @@ wait "$pid" || true
 # The hand-over to the encoder.
 expect 0 "stream +[0-9]+ bytes" train "${options[@]}" -o coded --steps 60 --encode default -q
 "$codec" validate coded/scene.l4d >out || die "the stream is not valid"
-"$codec" encode coded/scene.ply --weights coded/weights.ply -o again.l4d --quiet
-cmp coded/scene.l4d again.l4d || die "l4dcodec encode --weights makes another stream"
+"$codec" encode coded/scene.ply --cameras coded/cameras.json -o again.l4d --quiet
+cmp coded/scene.l4d again.l4d || die "l4dcodec encode --cameras makes another stream"
 "$codec" info coded/scene.l4d >out
 grep -q "^presentation: camera=" out || die "the stream states no first view"
 expect 5 'coded/scene.l4d: this is a stream, .*l4dcodec decode.* makes a PLY' capture coded/scene.l4d -o x

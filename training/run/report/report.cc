@@ -106,6 +106,11 @@ std::string json_of(const RunReport& r) {
                    {"train", object_of(r.stream_train, r.lpips)},
                    {"test", object_of(r.stream_test, r.lpips)}};
   }
+  if (r.stream_fidelity) {
+    const eval::CheckedFidelity& f = r.stream_fidelity->fidelity;
+    j["stream"]["fidelity"] = {
+        {"psnr", f.psnr}, {"worst_camera", f.worst_camera}, {"worst_instant", f.worst_instant}};
+  }
   j["settings"] = object_of(r.settings);
   j["notes"] = r.notes;
   return j.dump(1);

@@ -3,9 +3,11 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "eval/refit.h"
 #include "training/run/record/log.h"
 #include "training/run/setup/settings.h"
 #include "training/run/setup/times.h"
@@ -26,7 +28,8 @@ struct RunReport {
   std::array<double, kParts> seconds{};  // of parts, since the last resume
   MemoryUse memory;
   Score train, test;
-  uint64_t stream_bytes = 0;  // 0: none
+  uint64_t stream_bytes = 0;                           // 0: none
+  std::optional<eval::CheckedStream> stream_fidelity;  // against the scene
   Score stream_train, stream_test;
   std::string lpips;  // the network whose distances scores have; "" = none
   std::vector<std::string> notes;

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "training/run/train/output.h"
 
-#include <nlohmann/json.hpp>
+#include <algorithm>
 #include <vector>
 
 #include "io/camera/first_view.h"
-#include "io/camera/write_cameras.h"
 #include "io/file/file.h"
 #include "io/scene/rendering_text.h"
 #include "l4d/render.hpp"
@@ -14,7 +13,6 @@
 namespace l4d::train {
 namespace {
 
-using Json = nlohmann::ordered_json;
 using io::Error;
 
 constexpr double kErrorGain = 4;  // in previews
@@ -59,18 +57,26 @@ l4d_presentation as_read(const l4d_presentation& presentation) {
   return read;
 }
 
-void write_cameras(const std::string& path, const Capture& capture, const ImageLoader& loader) {
-  io::CameraSet set;
-  set.fps = capture.fps;
-  set.frames = capture.frames;
+eval::CameraViews views_of(const Capture& capture, const ImageLoader& loader,
+                           const std::string& split) {
+  eval::CameraViews all;
+  all.set.fps = capture.fps;
+  all.set.frames = capture.frames;
   for (uint32_t c = 0; c < capture.cameras.size(); ++c) {
     io::Camera camera;
     camera.id = capture.cameras[c].source.id;
     camera.split = capture.cameras[c].split;
     camera.camera = loader.camera(c);
-    set.cameras.push_back(std::move(camera));
+    all.set.cameras.push_back(std::move(camera));
   }
-  io::write_cameras(path, set);
+  for (const CaptureView& view : capture.views) {
+    if (capture.cameras[view.camera].split != split) continue;
+    all.views.push_back({view.camera, view.time, 0});
+  }
+  std::stable_sort(all.views.begin(), all.views.end(), [](const io::View& x, const io::View& y) {
+    return x.time != y.time ? x.time < y.time : x.camera < y.camera;
+  });
+  return all;
 }
 
 l4d_renderer_options rendering_of(const Settings& settings, uint32_t threads) {
@@ -81,29 +87,6 @@ l4d_renderer_options rendering_of(const Settings& settings, uint32_t threads) {
   const std::vector<uint32_t> devices = devices_of(settings.devices);
   if (!devices.empty()) options.device = devices.front();
   return options;
-}
-
-io::Weights measure_weights(const io::Scene& scene, const Capture& capture,
-                            const ImageLoader& loader, const l4d_renderer_options& rendering,
-                            uint64_t seed) {
-  std::vector<l4d_camera> cameras;
-  for (uint32_t c = 0; c < capture.cameras.size(); ++c) cameras.push_back(loader.camera(c));
-  std::vector<l4d_view> views;
-  for (const CaptureView& view : capture.views) {
-    if (capture.cameras[view.camera].split == "train") views.push_back({view.time, view.camera, 0});
-  }
-  RendererHandle renderer(&rendering);
-  renderer.set_gaussians(scene.view(), scene.timeline);
-  l4d_measure_options measure = L4D_INIT(l4d_measure_options);
-  measure.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
-  measure.seed = seed;
-  io::Weights weights;
-  weights.gauss_newton = true;
-  const auto columns = weights.make_columns(scene.count());
-  renderer.check(l4d_measure_importance(
-      renderer.get(), cameras.data(), static_cast<uint32_t>(cameras.size()), views.data(),
-      views.size(), &measure, columns.data(), scene.count(), nullptr));
-  return weights;
 }
 
 std::string preset_names() {
@@ -122,8 +105,7 @@ void check_preset(const std::string& preset) {
               "--encode is " + preset + "; it must be a preset of the encoder: " + preset_names());
 }
 
-EncoderHandle make_encoder(const io::Scene& scene, const io::Weights& weights,
-                           const std::string& preset, uint32_t threads) {
+EncoderHandle make_encoder(const io::Scene& scene, const std::string& preset, uint32_t threads) {
   l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
   options.threads = threads;
   EncoderHandle encoder(&options);
@@ -131,18 +113,7 @@ EncoderHandle make_encoder(const io::Scene& scene, const io::Weights& weights,
   const l4d_gaussians gaussians = scene.view();
   encoder.check(l4d_encoder_set_scene(encoder.get(), &gaussians, &scene.timeline, nullptr));
   encoder.check(l4d_encoder_set_presentation(encoder.get(), &scene.presentation));
-  const l4d_importance importance = weights.view();
-  encoder.check(l4d_encoder_set_importance(encoder.get(), &importance));
   return encoder;
-}
-
-uint64_t encode_scene(const std::string& path, const io::Scene& scene, const io::Weights& weights,
-                      const std::string& preset, uint32_t threads) {
-  const EncoderHandle encoder = make_encoder(scene, weights, preset, threads);
-  encoder.check(l4d_encoder_encode_file(encoder.get(), path.c_str()));
-  l4d_encode_report report = L4D_INIT(l4d_encode_report);
-  encoder.check(l4d_encoder_get_report(encoder.get(), &report));
-  return report.file_bytes;
 }
 
 io::Image preview_of(const io::Image& captured, const io::Image& rendered) {

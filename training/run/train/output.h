@@ -4,6 +4,7 @@
 #include <functional>
 #include <string>
 
+#include "eval/views.h"
 #include "io/ply/weights.h"
 #include "l4d/l4d.hpp"
 #include "training/images/loader.h"
@@ -22,25 +23,17 @@ l4d_presentation first_view(const Capture& capture, const ImageLoader& loader);
 // What a reader of scene.ply gets of it. Text may round the field of view.
 l4d_presentation as_read(const l4d_presentation& presentation);
 
-// Pinhole cameras of the images that were trained on: K, w2c, split. Of a moving camera, each image
-// has its own.
-void write_cameras(const std::string& path, const Capture& capture, const ImageLoader& loader);
+// Pinhole cameras of the images that were trained on, and the views of a split, "train" or "test",
+// in the order of their times. Of a moving camera, each image has its own.
+eval::CameraViews views_of(const Capture& capture, const ImageLoader& loader,
+                           const std::string& split);
 
 // How a run renders what it measures: on the device that trains, the first of several, if one does
 // and it is here.
 l4d_renderer_options rendering_of(const Settings& settings, uint32_t threads);
 
-// The importance of each Gaussian for the training views (l4d_measure_importance).
-io::Weights measure_weights(const io::Scene& scene, const Capture& capture,
-                            const ImageLoader& loader, const l4d_renderer_options& rendering,
-                            uint64_t seed);
-
-// An encoder of the scene with a preset. It borrows `scene` and `weights`.
-EncoderHandle make_encoder(const io::Scene& scene, const io::Weights& weights,
-                           const std::string& preset, uint32_t threads);
-// Encodes with a preset of the encoder; returns the bytes of the stream.
-uint64_t encode_scene(const std::string& path, const io::Scene& scene, const io::Weights& weights,
-                      const std::string& preset, uint32_t threads);
+// An encoder of the scene with a preset. It borrows `scene`.
+EncoderHandle make_encoder(const io::Scene& scene, const std::string& preset, uint32_t threads);
 // All presets of the encoder: "tiny, small".
 std::string preset_names();
 // Throws io::Error(INVALID_ARGUMENT) where there is no such preset, and lists those that there are.

@@ -39,7 +39,9 @@ std::vector<float> loss_without(const ModelState& model, const Capture& capture,
 
 std::vector<uint8_t> worth_their_bits(const io::Scene& scene, const io::Weights& weights,
                                       const std::string& preset, uint32_t threads) {
-  const EncoderHandle encoder = make_encoder(scene, weights, preset, threads);
+  const EncoderHandle encoder = make_encoder(scene, preset, threads);
+  const l4d_importance importance = weights.view();
+  encoder.check(l4d_encoder_set_importance(encoder.get(), &importance));
   encoder.encode();
   l4d_encode_report report = L4D_INIT(l4d_encode_report);
   encoder.check(l4d_encoder_get_report(encoder.get(), &report));

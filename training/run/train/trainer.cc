@@ -6,6 +6,7 @@
 #include <cmath>
 #include <iterator>
 
+#include "eval/importance.h"
 #include "io/image/metrics.h"
 #include "libl4dcodec/scene/slice.h"
 #include "training/model/random.h"
@@ -455,8 +456,12 @@ void Trainer::settle(double f) {
   ++state_.settles;
   ModelState whole = model();
   const io::Scene scene = scene_of(whole, capture_.timeline());
-  const io::Weights weights = measure_weights(
-      scene, capture_, loader_, rendering_of(settings_, threads_), settings_.seed + state_.settles);
+  const eval::CameraViews views = views_of(capture_, loader_, "train");
+  const io::Weights weights =
+      eval::measure_importance(
+          rendering_of(settings_, threads_), scene, views,
+          eval::measure_options(0, views.views.size(), settings_.seed + state_.settles))
+          .weights;
   keep(std::move(whole), worth_their_bits(scene, weights, settings_.preset, threads_));
   backend_->renew_weights(static_cast<float>(settings_.error_weight));
 }
