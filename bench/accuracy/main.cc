@@ -24,11 +24,22 @@ struct Section {
   bool needs_device = false;  // left out where there is none, unless it is asked for by name
 };
 constexpr Section kSections[] = {
-    {"presets", run_presets},   {"device", run_device, true},     {"final", run_final},
-    {"rate", run_rate},         {"sensitivity", run_sensitivity}, {"effort", run_effort},
-    {"decoder", run_decoder},   {"renderer", run_renderer},       {"stages", run_stages},
-    {"ablation", run_ablation}, {"codebooks", run_codebooks},     {"thresholds", run_thresholds},
-    {"rcq", run_rcq},           {"effects", run_effects},
+    {"presets", run_presets},
+    {"device", run_device, true},
+    {"ways", run_ways},
+    {"device-ways", run_device_ways, true},
+    {"final", run_final},
+    {"rate", run_rate},
+    {"sensitivity", run_sensitivity},
+    {"effort", run_effort},
+    {"decoder", run_decoder},
+    {"renderer", run_renderer},
+    {"stages", run_stages},
+    {"ablation", run_ablation},
+    {"codebooks", run_codebooks},
+    {"thresholds", run_thresholds},
+    {"rcq", run_rcq},
+    {"effects", run_effects},
 };
 
 void usage(std::FILE* to) {

@@ -176,6 +176,26 @@ def choice(rows, folder):
     return save(figure, folder, "choice")
 
 
+def ways(rows, fidelities, folder, name):
+    """Bytes at each fidelity against seconds; numbers at the points are rows of the table."""
+    figure, axes = plt.subplots(figsize=(8, 4.4))
+    for fidelity in fidelities:
+        line = [(number, r) for number, r in enumerate(rows, 1) if r[fidelity] is not None]
+        axes.plot([r["seconds"] for _, r in line], [r[fidelity] / 1e6 for _, r in line], "o", label=f"{fidelity} dB")
+        for number, r in line:
+            label(axes, r["seconds"], r[fidelity] / 1e6, str(number), 5, 3)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
+        axis.set_minor_formatter(matplotlib.ticker.NullFormatter())
+    axes.set_yticks([1, 1.5, 2, 3, 4, 5])
+    axes.margins(x=0.1, y=0.1)
+    axes.set(xlabel="seconds from scene to file (numbers: rows of the table)", ylabel="MB")
+    axes.legend()
+    return save(figure, folder, name)
+
+
 def spread_labels(axes, points, step=10):
     """Labels to the right of points on a logarithmic axis, moved up where one would lie on
     another."""

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 
-SECTIONS = ("presets", "final", "rate", "sensitivity", "effort", "decoder", "renderer", "stages",
+SECTIONS = ("presets", "ways", "final", "rate", "sensitivity", "effort", "decoder", "renderer", "stages",
             "ablation", "codebooks", "thresholds", "rcq", "effects")
 # Only captured images fill it, and synthetic scenes have none.
 MAY_BE_EMPTY = {("final", "uncompressed")}
@@ -62,6 +62,9 @@ def relations(document):
         if not (row["ratio"] > 1 and 20 < row["fidelity_db"] <= 100 and
                 row["min_view_db"] <= row["fidelity_db"]):
             yield f"final: implausible: {row}"
+    for row in rows(document, "ways", "ways"):
+        if not (20 < row["fidelity_db"] <= 100 and row["bytes"] > 0 and row["seconds"] > 0):
+            yield f"ways: implausible: {row}"
     transforms = rows(document, "rate", "transforms")
     worst, best = transforms[0], transforms[-1]
     if not (best["bytes"] > worst["bytes"] and best["fidelity_db"] > worst["fidelity_db"]):

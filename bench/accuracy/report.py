@@ -17,9 +17,12 @@ import chapters_ablations
 import chapters_presets
 import chapters_rate
 import chapters_speed
+import chapters_ways
 
 # Section of the results, title, what writes it.
-CHOICE = (("presets", "Which preset", chapters_presets.presets),)
+CHOICE = (("presets", "Which preset", chapters_presets.presets),
+          ("ways", "What time buys", chapters_ways.ways),
+          ("device-ways", "What time buys on a CUDA device", chapters_ways.device_ways))
 ACCURACY = (
     ("presets", "Presets in detail", chapters_presets.details),
     ("device", "Presets on a CUDA device", chapters_presets.device),
@@ -62,8 +65,8 @@ from the training views, unless a table says otherwise. Fidelity is over all cam
 frame in "Quality, bytes and layers in detail", at four instants in the others. CPU seconds are those of
 all threads, which other work on the machine disturbs little.
 
-Nothing here is refitted: the tool has these figures with `encode --refit 0`. By default it prunes and fits opacities if
-cameras are given; README and [decision 23](decisions/0023-prune-refit-check.md) have the figures of that.
+Only "What time buys" prunes and fits opacities, as the tool does by default if cameras are given; it has the other figures
+with `encode --refit 0`. README and [decision 23](decisions/0023-prune-refit-check.md) have more figures of fits.
 """
 ABLATIONS_INTRODUCTION = """\
 # Ablations
@@ -105,7 +108,7 @@ def toy_warning(document):
 
 def accuracy_page(document, folder):
     return [ACCURACY_TITLE, *toy_warning(document), *chapters_of(document, CHOICE, folder), ACCURACY_METHOD,
-            builds_of(document, ACCURACY), *chapters_of(document, ACCURACY, folder)]
+            builds_of(document, CHOICE + ACCURACY), *chapters_of(document, ACCURACY, folder)]
 
 
 def ablations_page(document, folder):

@@ -8,6 +8,8 @@ namespace l4d::bench {
 
 Json run_presets(Bench& bench);
 Json run_device(Bench& bench);  // fails where there is no CUDA device
+Json run_ways(Bench& bench);
+Json run_device_ways(Bench& bench);  // likewise
 Json run_final(Bench& bench);
 Json run_rate(Bench& bench);
 Json run_sensitivity(Bench& bench);
