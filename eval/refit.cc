@@ -12,9 +12,8 @@
 namespace l4d::eval {
 namespace {
 
-// More than the fidelity aimed at, in dB, that is not worth another encode; and what may be
-// missing.
-constexpr double kTolerance = 0.4, kMissed = 0.5;
+// More than the fidelity aimed at, in dB, that is not worth another encode.
+constexpr double kTolerance = 0.4;
 // What a fit gains at as many bytes, about, in dB.
 constexpr double kGain = 2;
 constexpr size_t kMostTrials = 4;
@@ -70,7 +69,7 @@ class Refitting {
       out_.plain = check(out_.encoding.stream, calls_.begin(""));
       // Also where a target chose the quality.
       out_.is_left_out =
-          input_.only_if_missed && out_.plain->fidelity.psnr >= out_.fidelity - kMissed;
+          input_.only_if_missed && out_.plain->fidelity.psnr >= out_.fidelity - Refit::kMissed;
       if (out_.is_left_out) return finish();
       if (out_.fidelity == 0) out_.fidelity = out_.plain->fidelity.psnr + kGain;
     }
@@ -171,10 +170,6 @@ class Refitting {
 };
 
 }  // namespace
-
-bool Refit::is_missed() const {
-  return checked().fidelity.psnr < fidelity - (is_kept ? 0 : kMissed);
-}
 
 Refit refit(const RefitInput& input, const EncoderHandle& encoder, const RefitCalls& calls) {
   return Refitting(input, encoder, calls).run();
