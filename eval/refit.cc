@@ -78,7 +78,8 @@ class Refitting {
         calls_.encode_fitted ? not_counted(calls_.encode_fitted) : encode();
     if (!fitted) return finish();
     if (!out_.fitted) out_.fitted = check(fitted->stream, calls_.begin(""));
-    out_.is_kept = input_.always || pays(*out_.fitted, *out_.plain);
+    out_.is_kept =
+        input_.always || mends(*out_.fitted, *out_.plain) || pays(*out_.fitted, *out_.plain);
     if (out_.is_kept) out_.encoding = std::move(*fitted);
     return finish();
   }
@@ -98,6 +99,13 @@ class Refitting {
     T result = f();
     not_counted_ += std::chrono::duration<double>(Clock::now() - begun).count();
     return result;
+  }
+
+  // Whether weights alone miss the requested fidelity, and the fit comes nearer: then bytes are
+  // what the fidelity costs.
+  bool mends(const CheckedStream& fitted, const CheckedStream& plain) const {
+    return plain.fidelity.psnr < input_.fidelity - Refit::kMissed &&
+           fitted.fidelity.psnr > plain.fidelity.psnr;
   }
 
   CheckedStream check(const std::vector<unsigned char>& stream, Observer& observer) {
