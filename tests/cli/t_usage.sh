@@ -98,7 +98,7 @@ misuse encode s.ply -o s.l4d --orbit 2 --refit 4 --prune-weight 0
 misuse encode s.ply -o s.l4d --orbit 2 --refit 4 --set prune-cost=0.1
 misuse encode s.ply -o s.l4d --orbit 2 --refit 4 --metric sum
 misuse encode s.ply -o s.l4d --orbit 2 --refit 4 --max-error log_scale=0.2
-misuse encode s.ply -o s.l4d --orbit 2 --refit 4 --live
+misuse encode s.ply s.ply -o s.l4d --orbit 2 --refit 4 --live
 misuse compare s.ply s.ply --images
 misuse compare s.ply s.ply --orbit 2 --images
 misuse compare s.ply s.ply --min-fidelity 30
