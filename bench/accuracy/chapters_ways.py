@@ -10,14 +10,13 @@ FIDELITIES = (40, 43, 46, 50)  # dB
 
 
 def bytes_at(rows, fidelity):
-    """Bytes of one way at a fidelity, between the two rows around it, in which their logarithm is about linear;
-    None outside of the rows."""
-    rows = sorted(rows, key=lambda r: r["fidelity_db"])
-    for low, high in zip(rows, rows[1:]):
-        if low["fidelity_db"] <= fidelity <= high["fidelity_db"]:
-            part = (fidelity - low["fidelity_db"]) / (high["fidelity_db"] - low["fidelity_db"])
-            return math.exp((1 - part) * math.log(low["bytes"]) + part * math.log(high["bytes"]))
-    return None
+    """Bytes of one way at a fidelity: their logarithm is a polynomial through that of all rows. None more than a
+    decibel outside of them."""
+    at = [row["fidelity_db"] for row in rows]
+    if not min(at) - 1 <= fidelity <= max(at) + 1:
+        return None
+    return math.exp(sum(math.log(row["bytes"]) * math.prod((fidelity - x) / (at[k] - x) for x in at if x != at[k])
+                        for k, row in enumerate(rows)))
 
 
 def points(tables):
@@ -44,7 +43,8 @@ def ways_table(rows):
 
 def ways(tables, folder):
     rows = points(tables)
-    return ["Bytes at equal fidelity against the seconds from scene to file, importance included, on a processor. `--cameras` "
+    return ["Bytes at equal fidelity (the preset default at three qualities, and a parabola through them) against the "
+            "seconds from scene to file, importance included, on a processor. `--cameras` "
             "stands for `--cameras cameras.json`. Fidelity is that over all cameras, those among them that the encode does not see.\n",
             plots.ways(rows, FIDELITIES, folder, "ways"), ways_table(rows)]
 
