@@ -48,6 +48,11 @@ expect_json out 'd["fidelity_db"] > 35.5'
 expect_document 0 compare s.ply plain.l4d --cameras c.json --split train
 expect_json out 'd["fidelity_db"] < 33'
 expect 2 encode s.ply s.ply --cameras c.json --live --refit 2 -o pieces.l4d
+# A fit that does not pay leaves members as weights alone make them.
+expect_document 0 encode s.ply --cameras c.json --quality 20 --all-views --live -o unpaid.l4d
+expect_json out 'not d["refit"]["kept"]'
+expect 0 encode s.ply --cameras c.json --quality 20 --all-views --live --refit 0 -o alone.l4d
+cmp unpaid.l4d alone.l4d
 
 # Targets of bytes and of fidelity are reached with a fit, as with weights alone, by more fidelity or in fewer bytes.
 expect_document 0 encode s.ply --cameras c.json --target-size 15000 -o size.l4d
