@@ -115,6 +115,11 @@ uint64_t Context::session_memory() const {
   return limit == 0 ? 0 : std::max<uint64_t>(1, limit / 8);
 }
 
+uint64_t Context::render_memory(uint64_t most_bytes) const {
+  const uint64_t limit = memory_limit();
+  return limit == 0 ? most_bytes : std::min(most_bytes, limit / 16);
+}
+
 uint64_t Context::captured_memory() const {
   const uint64_t limit = memory_limit();
   return limit == 0 ? 0 : std::max<uint64_t>(1, limit / 8);

@@ -106,6 +106,8 @@ class Context {
   uint64_t renderer_memory(uint32_t renderers = 1) const;
   // An eighth of the limit for the Gaussians that a session keeps; 0 = no limit.
   uint64_t session_memory() const;
+  // A sixteenth of the limit for renders of a scene that are kept; none: most_bytes.
+  uint64_t render_memory(uint64_t most_bytes) const;
   // An eighth of the limit for captured images that are in memory together; 0 = no limit.
   uint64_t captured_memory() const;
   // The half of the limit that is not for decoding. From it is taken what a command holds, itself

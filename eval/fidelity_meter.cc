@@ -61,9 +61,16 @@ FidelityMeter::FidelityMeter(RenderedScene& original, CameraViews views,
   uint64_t bytes = 0;
   for (size_t view = 0; view < num_views(); ++view) {
     const l4d_camera& camera = views_.camera_of(view).camera;
-    bytes += uint64_t{3} * sizeof(float) * camera.width * camera.height;
-    if (bytes > options.max_render_bytes) break;
+    const uint64_t more = uint64_t{3} * sizeof(float) * camera.width * camera.height;
+    if (bytes + more > options.max_render_bytes) break;
+    bytes += more;
     renders_[view].emplace();
+  }
+  try {
+    render_memory_ = io::hold(options.holder, bytes, "renders of the scene");
+  } catch (const io::Error& error) {
+    if (error.status() != L4D_ERR_LIMIT_EXCEEDED) throw;
+    renders_.assign(num_views(), std::nullopt);  // each is made again when it is needed
   }
   render_all(observer, original_, [&](size_t view, const io::Image& render, const io::Image*) {
     if (renders_[view]) *renders_[view] = render;

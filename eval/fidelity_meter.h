@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -20,6 +21,7 @@ constexpr size_t kMeterViews = 60;
 struct MeterOptions {
   bool captured = false;                          // whether what the cameras saw is needed
   uint64_t max_render_bytes = uint64_t{1} << 30;  // renders of the original that are kept
+  io::Hold holder;                                // counts these; none is kept where it refuses
 };
 
 // What a coding has of the scene in dB, of mean squared errors, and where it has least.
@@ -65,10 +67,11 @@ class FidelityMeter {
   CameraViews views_;
   RenderedScene& original_;
   std::vector<std::optional<io::Image>> renders_;  // of the original, by view
-  std::vector<std::vector<size_t>> parts_;         // views whose captured images fit together
-  std::optional<CapturedImages> captured_;         // where there is one part
-  io::Image again_;                                // of a view whose render is not kept
-  double original_psnr_ = 0;                       // mean over views
+  std::shared_ptr<void> render_memory_;
+  std::vector<std::vector<size_t>> parts_;  // views whose captured images fit together
+  std::optional<CapturedImages> captured_;  // where there is one part
+  io::Image again_;                         // of a view whose render is not kept
+  double original_psnr_ = 0;                // mean over views
 };
 
 }  // namespace l4d::eval

@@ -23,9 +23,6 @@ constexpr size_t kMostTrials = 3;
 constexpr double kSlope = 5, kFlattest = 1.5, kSteepest = 10;
 constexpr double kFirstThreshold = 1, kMostThreshold = 64, kMostChange = 16;
 
-// Renders of the scene that are kept.
-constexpr uint64_t kFitBytes = uint64_t{2} << 30, kCheckBytes = uint64_t{1} << 30;
-
 constexpr double kPi = 3.14159265358979323846;
 
 // What the weights say of each Gaussian: [N].
@@ -167,24 +164,28 @@ class Search {
   PrunedScene out_;
 };
 
-MeterOptions keeping(uint64_t bytes) {
+MeterOptions keeping(uint64_t bytes, const io::Hold& holder) {
   MeterOptions options;
   options.max_render_bytes = bytes;
+  options.holder = holder;
   return options;
 }
 
 }  // namespace
 
 FittingViews::FittingViews(Rendering rendering, const io::Scene& scene, const CameraViews& views,
-                           size_t most, Observer& observer)
-    : FittingViews(std::move(rendering), scene, deal_views(views, most), observer) {}
+                           size_t most, Observer& observer, uint64_t max_render_bytes)
+    : FittingViews(std::move(rendering), scene, deal_views(views, most), observer,
+                   max_render_bytes) {}
 
 FittingViews::FittingViews(Rendering rendering, const io::Scene& scene, DealtViews dealt,
-                           Observer& observer)
+                           Observer& observer, uint64_t max_render_bytes)
     : rendering_(std::move(rendering)),
       original_(rendering_, &scene, "the scene"),
-      fit_(original_, std::move(dealt.fit), keeping(kFitBytes), observer),
-      check_(original_, std::move(dealt.check), keeping(kCheckBytes), observer) {}
+      fit_(original_, std::move(dealt.fit), keeping(max_render_bytes / 3 * 2, rendering_.holder),
+           observer),
+      check_(original_, std::move(dealt.check), keeping(max_render_bytes / 3, rendering_.holder),
+             observer) {}
 
 PrunedScene prune_scene(const io::Scene& scene, const io::Weights& weights, FittingViews& views,
                         const PruneOptions& options, Observer& observer) {

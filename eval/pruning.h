@@ -16,8 +16,10 @@ class FittingViews {
  public:
   // scene: must outlive this. views: those that its importance was measured from; of them about
   // `most` for the fit.
+  // max_render_bytes: of renders of the scene that are kept; others are made again in each pass.
+  static constexpr uint64_t kRenderBytes = uint64_t{3} << 30;
   FittingViews(Rendering rendering, const io::Scene& scene, const CameraViews& views, size_t most,
-               Observer& observer);
+               Observer& observer, uint64_t max_render_bytes = kRenderBytes);
   FittingViews(const FittingViews&) = delete;
   FittingViews& operator=(const FittingViews&) = delete;
 
@@ -26,7 +28,8 @@ class FittingViews {
   FidelityMeter& check() { return check_; }
 
  private:
-  FittingViews(Rendering rendering, const io::Scene& scene, DealtViews dealt, Observer& observer);
+  FittingViews(Rendering rendering, const io::Scene& scene, DealtViews dealt, Observer& observer,
+               uint64_t max_render_bytes);
 
   Rendering rendering_;
   RenderedScene original_;

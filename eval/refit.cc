@@ -17,10 +17,11 @@ constexpr double kTolerance = 0.4;
 // What a fit gains at as many bytes, about, in dB.
 constexpr double kGain = 2;
 constexpr size_t kMostTrials = 4;
-// Bytes grow by this share with each decibel, about. A fit does not pay that saves less than 2 %,
-// or whose worst camera or instant is below that of weights alone, and so much further below the
-// mean, in dB.
-constexpr double kBytesPerDecibel = 0.085, kPays = 0.98, kMostSpread = 1.5;
+// Bytes grow by this share with each decibel, about. A fit does not pay that saves less than 2 %.
+constexpr double kBytesPerDecibel = 0.085, kPays = 0.98;
+// How much further below the mean the worst camera or instant may be than with weights alone, in
+// dB, where it is worse than theirs.
+constexpr double kMostSpread = 1.5;
 
 // Weights of the part that stays as weights of all: none of those that go.
 io::Weights spread(const io::Weights& part, const std::vector<uint8_t>& kept) {
@@ -44,10 +45,14 @@ io::Weights spread(const io::Weights& part, const std::vector<uint8_t>& kept) {
 bool pays(const CheckedStream& fitted, const CheckedStream& plain) {
   const double lost = plain.fidelity.psnr - fitted.fidelity.psnr;
   const double equal = static_cast<double>(plain.bytes) * std::exp(-kBytesPerDecibel * lost);
+  return static_cast<double>(fitted.bytes) <= kPays * equal;
+}
+
+// Whether no camera and no instant pays for what others gain.
+bool is_even(const CheckedStream& fitted, const CheckedStream& plain) {
   const double spread = fitted.fidelity.psnr - fitted.worst();
-  return static_cast<double>(fitted.bytes) <= kPays * equal &&
-         (fitted.worst() >= plain.worst() ||
-          spread <= plain.fidelity.psnr - plain.worst() + kMostSpread);
+  return fitted.worst() >= plain.worst() ||
+         spread <= plain.fidelity.psnr - plain.worst() + kMostSpread;
 }
 
 // One refit, step by step.
@@ -57,7 +62,8 @@ class Refitting {
       : input_(input),
         encoder_(encoder),
         calls_(calls),
-        views_(input.rendering, input.scene, input.views, input.fit_views, calls.begin("")) {
+        views_(input.rendering, input.scene, input.views, input.fit_views, calls.begin(""),
+               input.max_render_bytes) {
     out_.fit_views = views_.fit().num_views();
     out_.check_views = views_.check().num_views();
     out_.fidelity = input.fidelity;
@@ -78,8 +84,7 @@ class Refitting {
         calls_.encode_fitted ? not_counted(calls_.encode_fitted) : encode();
     if (!fitted) return finish();
     if (!out_.fitted) out_.fitted = check(fitted->stream, calls_.begin(""));
-    out_.is_kept =
-        input_.always || mends(*out_.fitted, *out_.plain) || pays(*out_.fitted, *out_.plain);
+    out_.is_kept = input_.always || is_better(*out_.fitted, *out_.plain);
     if (out_.is_kept) out_.encoding = std::move(*fitted);
     return finish();
   }
@@ -101,11 +106,12 @@ class Refitting {
     return result;
   }
 
-  // Whether weights alone miss the requested fidelity, and the fit comes nearer: then bytes are
-  // what the fidelity costs.
-  bool mends(const CheckedStream& fitted, const CheckedStream& plain) const {
-    return plain.fidelity.psnr < input_.fidelity - Refit::kMissed &&
-           fitted.fidelity.psnr > plain.fidelity.psnr;
+  // Where weights alone miss the requested fidelity, a fit that comes clearly nearer costs what it
+  // costs.
+  bool is_better(const CheckedStream& fitted, const CheckedStream& plain) const {
+    const bool mends = plain.fidelity.psnr < input_.fidelity - Refit::kMissed &&
+                       fitted.fidelity.psnr > plain.fidelity.psnr + Refit::kMissed;
+    return is_even(fitted, plain) && (mends || pays(fitted, plain));
   }
 
   CheckedStream check(const std::vector<unsigned char>& stream, Observer& observer) {

@@ -37,7 +37,8 @@ struct RefitInput {
   // many bytes.
   double fidelity = 0;
   uint32_t passes = 1;
-  size_t fit_views = 1;      // about
+  size_t fit_views = 1;  // about
+  uint64_t max_render_bytes = FittingViews::kRenderBytes;
   bool drop_unseen = false;  // whether a Gaussian that no view shows is dropped
   bool always = false;       // also where weights alone are as good
   // Where a fit would take long: only if weights alone miss the fidelity.

@@ -38,12 +38,16 @@ ViewEncoding encode_for_views(const EncoderHandle& encoder, const io::Scene& sce
   set_weights(out.importance.weights);
   RefitCalls calls;
   calls.begin = [&](const std::string&) -> Observer& { return observer; };
-  calls.encode_plain = [&] { return encode_scene(observer, encoder, "", true, options.holder); };
+  calls.encode_plain = [&] {
+    return encode_scene(observer, encoder, "", true, options.rendering.holder);
+  };
   calls.measure = [&](const io::Scene& part) {
-    return measure(part, is_long ? 0 : defaults.views_after, defaults.views_after > 0).weights;
+    // What stays stays, whatever these views show; as for the scene where its views are many.
+    const size_t most_views = is_long ? 0 : defaults.views_after;
+    return measure(part, most_views, most_views > 0).weights;
   };
   calls.set_weights = set_weights;
-  calls.holder = options.holder;
+  calls.holder = options.rendering.holder;
   if (!refits) {
     out.encoding = calls.encode_plain();
     return out;
@@ -52,6 +56,7 @@ ViewEncoding encode_for_views(const EncoderHandle& encoder, const io::Scene& sce
   input.fidelity = get_parameter(encoder, L4D_ENC_QUALITY);
   input.passes = defaults.passes;
   input.fit_views = defaults.fit_views;
+  input.max_render_bytes = options.max_render_bytes;
   input.drop_unseen = true;
   input.only_if_missed = is_long;
   input.preset = options.preset;

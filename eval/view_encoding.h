@@ -15,7 +15,7 @@ struct ViewEncodingOptions {
   Rendering rendering;
   uint64_t seed = 0;
   bool refits = true;  // where the encoder can
-  io::Hold holder;
+  uint64_t max_render_bytes = FittingViews::kRenderBytes;
 };
 
 struct ViewEncoding {

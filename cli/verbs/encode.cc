@@ -625,6 +625,7 @@ eval::Refit encode_refitted(Context& context, const EncodeArguments& arguments, 
   in.fidelity = aim;
   in.passes = passes;
   in.fit_views = eval::refit_defaults(context.backend()).fit_views;
+  in.max_render_bytes = context.render_memory(in.max_render_bytes);
   in.drop_unseen = arguments.has_all_views();
   in.always = !arguments.refit.empty();  // the user asks for the fit: it stays, whatever it saves
   in.only_if_missed = measuring.fits_long;

@@ -46,6 +46,8 @@ ViewMeter::ViewMeter(Context& context, const eval::Target& target, const std::st
   Progress progress(context, "encode", "original");
   parts_->original.emplace(rendering_of(context), &scene, name);
   eval::MeterOptions options;
+  options.max_render_bytes = context.render_memory(options.max_render_bytes);
+  options.holder = context.budget().holder();
   options.captured = target.kind == eval::Target::Kind::kPsnrLoss;
   if (options.captured) check_captured(views);
   parts_->meter.emplace(*parts_->original, std::move(views), options, progress);

@@ -145,7 +145,7 @@ Status Session::check_memory(const EncoderInput& input, double now, size_t more)
   const std::vector<PooledGaussian>& rows = pool_.rows();
   const auto lives = [now](const PooledGaussian& row) { return row.shown.end > now; };
   const auto before = static_cast<size_t>(std::count_if(rows.begin(), rows.end(), lives));
-  const uint64_t bytes = SessionPool::bytes_of(input, before + more);
+  const uint64_t bytes = pool_.bytes_of(input, before + more);
   if (bytes <= options_.max_memory_bytes) return {};
   return Status(L4D_ERR_LIMIT_EXCEEDED,
                 "the session would keep " + std::to_string(more) + " Gaussians of the piece and " +

@@ -36,11 +36,11 @@ Sequence shown_times(double mean, double lambda, double peak) {
 
 }  // namespace
 
-uint64_t SessionPool::bytes_of(const EncoderInput& input, size_t count) {
+uint64_t SessionPool::bytes_of(const EncoderInput& input, size_t count) const {
   uint64_t numbers = numbers_per_gaussian(input.gaussians.sh_degree);
   for (const float* weights : input.importance.weights) numbers += weights != nullptr ? 1 : 0;
   numbers += input.importance.min_sizes != nullptr ? 1 : 0;
-  numbers += input.stated_opacity != nullptr ? 1 : 0;
+  if (input.stated_opacity != nullptr || !stated_opacity_.empty()) ++numbers;
   return uint64_t{count} * (numbers * sizeof(float) + sizeof(PooledGaussian));
 }
 

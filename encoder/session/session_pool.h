@@ -14,8 +14,8 @@ namespace l4d {
 
 class SessionPool {
  public:
-  // That so many Gaussians take, with the weights of `input`.
-  static uint64_t bytes_of(const EncoderInput& input, size_t count);
+  // That so many Gaussians take, with the arrays of `input` and those that are here.
+  uint64_t bytes_of(const EncoderInput& input, size_t count) const;
 
   // Adds a scene that `prepared` was made of, but for the Gaussians that are here already. Fails
   // with INVALID_ARGUMENT if it has other arrays than those before.

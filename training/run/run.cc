@@ -32,6 +32,7 @@ using Clock = std::chrono::steady_clock;
 using io::Error;
 
 constexpr uint64_t kLogEvery = 100;     // steps
+constexpr uint64_t kRenderShare = 16;   // of --limit-memory: renders that an encode keeps
 constexpr double kScores = 10;          // while training
 constexpr size_t kSampleViews = 12;     // of each split, for them
 constexpr uint32_t kMinSize = 8;        // pixels a side of images that are scaled
@@ -603,7 +604,8 @@ class Run {
     how.preset = options_.preset;
     how.rendering.renderer = rendering_of(settings_, options_.threads);
     how.rendering.decoder.threads = options_.threads;
-    how.rendering.holder = how.holder = budget_.holder();
+    how.rendering.holder = budget_.holder();
+    if (options_.limit_memory > 0) how.max_render_bytes = options_.limit_memory / kRenderShare;
     how.seed = settings_.seed;
     const eval::ViewEncoding made =
         eval::encode_for_views(make_encoder(scene, options_.preset, options_.threads), scene,
