@@ -25,12 +25,12 @@ const playAndCompare = async ({stream, from = 0, jump, seconds, sortMs, rowMs = 
   const view = new View(canvas);
   let removed = 0, lost = 0;
   canvas.addEventListener('webglcontextlost', () => { ++lost; });
-  movie.on('removed', () => { ++removed; });
   await view.show(movie);
   view.orbit.frame({middle: [0, 0, 0], radius: 2}, 0);
   await movie.seek(from);
   await view.settled();
   movie.loop = true;
+  movie.on('removed', () => { ++removed; });
 
   const {painter, gl, sorter} = view;
   const receive = sorter.onmessage;

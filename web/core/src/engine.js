@@ -64,6 +64,9 @@ export class Engine {
     /** Rows of the buckets that the page has. @type {Map<string, number>} */
     this.held = new Map();
     this.heldRows = 0;  // rounded
+    /** What was held before `refresh`: views have it until it comes again, or is in the way. @type {Map<string, number>} */
+    this.stale = new Map();
+    this.staleRows = 0;  // rounded
     /** What cannot be shown, and the page knows of. @type {Set<string>} */
     this.lost = new Set();
     this.decodeSeconds = 0;
@@ -120,6 +123,8 @@ export class Engine {
   command(name) {
     if (name === 'refresh') {
       this.loads = [];
+      for (const [key, count] of this.held) this.stale.set(key, count);
+      this.staleRows += this.heldRows;
       this.held.clear();
       this.heldRows = 0;
     }
@@ -253,6 +258,21 @@ export class Engine {
     if (this.held.delete(key)) this.post({type: 'removed', key});
   }
 
+  /** What views still have of before `refresh` goes, the oldest first, until no more than so many rows are there. @param {number} rows */
+  #removeStale(rows) {
+    for (const key of this.stale.keys()) {
+      if (this.heldRows + this.staleRows <= rows) return;
+      this.#renew(key);
+      this.post({type: 'removed', key});
+    }
+  }
+
+  /** It is not of before any more. @param {string} key */
+  #renew(key) {
+    this.staleRows -= roundedRows(this.stale.get(key) ?? 0);
+    this.stale.delete(key);
+  }
+
   /** Decodes a bucket for the page. @param {import('./decoder.js').Item} item */
   #load(item) {
     const {decoder} = this;
@@ -267,6 +287,8 @@ export class Engine {
       const key = this.#keyOf(item);
       this.heldRows += roundedRows(count) - roundedRows(this.held.get(key) ?? 0);
       this.held.set(key, count);
+      this.#renew(key);
+      this.#removeStale(this.info?.maxRows ?? Infinity);
       this.#makeRoom();
       this.post({type: 'rows', key, stream, bucket: {layer, bucket, count: units, center: rows.center}, detail, ...rows},
                 [rows.geometry.buffer, rows.sh.buffer]);
@@ -426,6 +448,7 @@ export class Engine {
     // While it moves, another anchor of the same line is no news.
     const line = (time - at * velocity).toFixed(velocity === 0 ? 9 : 4);
     const rung = ready ? this.#rung() : {tier: 0, detail: 'none'};
+    if (rung.detail === 'full') this.#removeStale(this.heldRows);
     const told = [this.turn, motion, from, until, line, velocity, rung.tier, rung.detail, this.lastSeek].join();
     if (told !== this.told) {
       this.told = told;
