@@ -140,6 +140,13 @@ void Playback::resume() {
                      at.direction * (end - path_.border(at)) >= 0 || clock_.speed() == 0;
   if (!moves || !(ready >= wanted || complete)) return;
   live_.set_fed();
+  // What a wait has lost, the rate would make good in minutes. On a slow link, the jump needs bytes
+  // again: it is the only one of this wait.
+  if (is_starved_ && follows_end() && live_.state(now_, at.time) == L4D_LIVE_BEHIND) {
+    is_starved_ = false;
+    jump_to(clamped(HUGE_VAL));
+    return;
+  }
   clock_.set_anchor(now_);
   set_motion(L4D_MOTION_PLAYING);
 }

@@ -64,7 +64,8 @@ typedef struct l4d_playback_options {
   double retry_delay, max_retry_delay;
   double max_step; /* a step of `now` that is longer is reported by the event LATE; 1 */
   /* Of a playlist that grows, in seconds: how far behind its end to play, and from which distance
-   * on to jump there. Two and ten of its target durations */
+   * on to jump there. Two and ten of its target durations. Where a wait for bytes ends more than a
+   * target duration beyond live_distance, playback jumps, too. */
   double live_distance, max_live_distance;
   double live_slow, live_fast; /* factors of the rate on the way there; 1 and 1: none. 0.95, 1.05 */
   double stale_after;          /* seconds without growth; three target durations, at least 6 */

@@ -243,6 +243,21 @@ TEST(Live, APauseOfTheProducerCostsOneWait) {
   }
 }
 
+// What 14 seconds without a member have lost, the rate would make good in minutes.
+TEST(Live, ALongWaitEndsAtTheLivePosition) {
+  RecordingShape shape = live_shape();
+  shape.pause_from = 8;
+  shape.pause_until = 22;
+  Player p(shape);
+  p.play();
+  p.run(26);
+  EXPECT_EQ(p.state().waits, 1u);
+  EXPECT_EQ(p.count(L4D_EVENT_JUMPED), 1u);
+  EXPECT_EQ(p.state().motion, uint32_t{L4D_MOTION_PLAYING});
+  EXPECT_EQ(p.state().live, uint32_t{L4D_LIVE_ON_TIME});
+  EXPECT_NEAR(p.state().live_delay, p.state().live_distance, 1.05);
+}
+
 TEST(Live, AProducerThatDiesIsAnEventAndComesBack) {
   RecordingShape shape = live_shape();
   shape.pause_from = 8;
