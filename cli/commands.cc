@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/commands.h"
 
-#include "cli/text/help.h"
+#include "cli/command/help.h"
 #include "cli/text/units.h"
-#include "cli/verbs/cameras.h"
-#include "cli/verbs/serve.h"
+#include "cli/verbs/verbs.h"
 
 namespace l4d::cli {
 

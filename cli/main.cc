@@ -12,8 +12,8 @@
 #include <sstream>
 #include <string_view>
 
+#include "cli/command/progress.h"
 #include "cli/commands.h"
-#include "cli/text/progress.h"
 #include "cli/text/units.h"
 
 namespace l4d::cli {

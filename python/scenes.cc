@@ -12,12 +12,12 @@
 #include <utility>
 #include <vector>
 
-#include "eval/comparison.h"
-#include "eval/decoded_scene.h"
+#include "eval/pair/comparison.h"
+#include "eval/scene/decoded_scene.h"
 #include "eval/errors.h"
 #include "eval/observer.h"
-#include "eval/pairing.h"
-#include "eval/shown_members.h"
+#include "eval/pair/pairing.h"
+#include "eval/scene/shown_members.h"
 #include "io/camera/cameras.h"
 #include "io/camera/first_view.h"
 #include "io/file/output_name.h"

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <ctime>
 
-#include "eval/encoding.h"
+#include "eval/target/encoding.h"
 #include "io/ply/weights.h"
 #include "l4d/experimental/inspect.h"
 

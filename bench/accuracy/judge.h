@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "bench/accuracy/scene.h"
-#include "eval/fidelity_meter.h"
-#include "eval/image_comparison.h"
+#include "eval/image/fidelity_meter.h"
+#include "eval/image/image_comparison.h"
 
 namespace l4d::bench {
 

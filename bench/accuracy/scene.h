@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "eval/views.h"
+#include "eval/views/views.h"
 #include "io/camera/cameras.h"
 #include "io/synth/synth.h"
 

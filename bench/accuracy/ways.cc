@@ -3,7 +3,7 @@
 // passes of a fit, at several qualities each.
 #include "bench/accuracy/sections.h"
 #include "bench/accuracy/timing.h"
-#include "eval/view_encoding.h"
+#include "eval/refit/view_encoding.h"
 
 namespace l4d::bench {
 namespace {

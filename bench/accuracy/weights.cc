@@ -9,7 +9,7 @@
 #include <numeric>
 
 #include "bench/accuracy/timing.h"
-#include "eval/views.h"
+#include "eval/views/views.h"
 #include "io/ply/weights.h"
 
 namespace l4d::bench {

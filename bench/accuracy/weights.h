@@ -5,7 +5,7 @@
 #include <string>
 
 #include "bench/accuracy/scene.h"
-#include "eval/importance.h"
+#include "eval/views/importance.h"
 
 namespace l4d::bench {
 

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <utility>
 
-#include "eval/comparison.h"
-#include "eval/motion.h"
+#include "eval/pair/comparison.h"
+#include "eval/scene/motion.h"
 
 namespace l4d::bench {
 

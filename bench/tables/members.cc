@@ -11,7 +11,7 @@
 #include <string>
 
 #include "bench/tables/common.h"
-#include "eval/decoded_scene.h"
+#include "eval/scene/decoded_scene.h"
 #include "io/camera/cameras.h"
 #include "io/synth/synth.h"
 #include "l4d/experimental/session.h"

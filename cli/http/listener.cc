@@ -15,7 +15,7 @@
 #include <thread>
 #include <utility>
 
-#include "cli/common.h"
+#include "cli/command/context.h"
 #include "cli/http/connections.h"
 #include "cli/text/units.h"
 

@@ -1,25 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+// Numbers as text, for people.
 #pragma once
 
 #include <cstdint>
 #include <string>
-#include <utility>
 
 namespace l4d::cli {
 
-// Parsers of option values. `option` names the option in the message of the usage error they throw.
-
-// "4096", "4k", "1.5M", "64KiB", "2GB": SI suffixes k M G T, IEC suffixes Ki Mi Gi Ti, an optional
-// B.
-uint64_t parse_size(const std::string& text, const std::string& option);
-double parse_number(const std::string& text, const std::string& option);
-// "42", "42dB"
-double parse_decibels(const std::string& text, const std::string& option);
-// Seconds: "2.5", "2.5s", "1:30", "1:02:03.5".
-double parse_seconds(const std::string& text, const std::string& option);
-// "key=value", split at the first '='.
-std::pair<std::string, std::string> parse_assignment(const std::string& text,
-                                                     const std::string& option);
 // sh, scale, rotor-spatial, rotor-temporal.
 const char* component_name(uint32_t component);
 

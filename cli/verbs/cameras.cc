@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/verbs/cameras.h"
 
 #include <memory>
 
-#include "cli/camera_arguments.h"
-#include "cli/common.h"
-#include "cli/files.h"
-#include "cli/scene_source.h"
+#include "cli/command/context.h"
+#include "cli/command/values.h"
+#include "cli/input/camera_arguments.h"
+#include "cli/input/files.h"
+#include "cli/input/scene_source.h"
 #include "cli/text/units.h"
-#include "eval/views.h"
+#include "cli/verbs/verbs.h"
+#include "eval/views/views.h"
 #include "io/camera/first_view.h"
 #include "io/camera/grid.h"
 #include "io/camera/write_cameras.h"

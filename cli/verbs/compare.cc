@@ -4,17 +4,19 @@
 #include <optional>
 #include <utility>
 
-#include "cli/camera_arguments.h"
-#include "cli/common.h"
-#include "cli/files.h"
-#include "cli/scene_source.h"
-#include "cli/text/comparison_text.h"
-#include "cli/text/progress.h"
+#include "cli/command/context.h"
+#include "cli/command/progress.h"
+#include "cli/command/values.h"
+#include "cli/input/camera_arguments.h"
+#include "cli/input/files.h"
+#include "cli/input/scene_source.h"
 #include "cli/text/units.h"
 #include "cli/verbs/compare_renders.h"
-#include "eval/min_sizes.h"
-#include "eval/pairing.h"
-#include "eval/seen_errors.h"
+#include "cli/verbs/comparison_text.h"
+#include "cli/verbs/verbs.h"
+#include "eval/views/min_sizes.h"
+#include "eval/pair/pairing.h"
+#include "eval/pair/seen_errors.h"
 
 namespace l4d::cli {
 namespace {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/verbs/compare_renders.h"
 
-#include "cli/rendering.h"
-#include "cli/text/image_text.h"
-#include "cli/text/progress.h"
+#include "cli/command/progress.h"
+#include "cli/input/rendering.h"
 #include "cli/text/units.h"
-#include "eval/image_comparison.h"
+#include "cli/verbs/image_text.h"
+#include "eval/image/image_comparison.h"
 
 namespace l4d::cli {
 

@@ -4,11 +4,11 @@
 #include <functional>
 #include <string>
 
-#include "cli/camera_arguments.h"
-#include "cli/common.h"
-#include "cli/files.h"
-#include "cli/scene_source.h"
-#include "eval/lpips.h"
+#include "cli/command/context.h"
+#include "cli/input/camera_arguments.h"
+#include "cli/input/files.h"
+#include "cli/input/scene_source.h"
+#include "eval/image/lpips.h"
 
 namespace l4d::cli {
 

@@ -3,9 +3,11 @@
 #include <cmath>
 #include <map>
 
-#include "cli/member_file.h"
-#include "cli/text/progress.h"
+#include "cli/command/progress.h"
+#include "cli/command/values.h"
+#include "cli/input/member_file.h"
 #include "cli/text/units.h"
+#include "cli/verbs/verbs.h"
 
 namespace l4d::cli {
 namespace {

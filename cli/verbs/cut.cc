@@ -3,10 +3,12 @@
 #include <limits>
 #include <set>
 
-#include "cli/member_file.h"
-#include "cli/text/progress.h"
-#include "cli/text/sequence.h"
+#include "cli/command/progress.h"
+#include "cli/command/values.h"
+#include "cli/input/member_file.h"
+#include "cli/input/sequence.h"
 #include "cli/text/units.h"
+#include "cli/verbs/verbs.h"
 #include "l4d/experimental/copy.h"
 
 namespace l4d::cli {

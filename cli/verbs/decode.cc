@@ -2,16 +2,18 @@
 #include <filesystem>
 #include <memory>
 
-#include "cli/arrays.h"
-#include "cli/common.h"
-#include "cli/files.h"
-#include "cli/instants.h"
-#include "cli/scene_source.h"
-#include "cli/text/detail.h"
-#include "cli/text/progress.h"
-#include "cli/text/sequence.h"
+#include "cli/command/context.h"
+#include "cli/command/detail.h"
+#include "cli/command/progress.h"
+#include "cli/command/values.h"
+#include "cli/input/arrays.h"
+#include "cli/input/files.h"
+#include "cli/input/instants.h"
+#include "cli/input/scene_source.h"
+#include "cli/input/sequence.h"
+#include "cli/input/tolerant.h"
 #include "cli/text/units.h"
-#include "cli/verbs/tolerant.h"
+#include "cli/verbs/verbs.h"
 #include "io/ply/scene_ply.h"
 
 namespace l4d::cli {

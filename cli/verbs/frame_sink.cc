@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/verbs/frame_sink.h"
 
-#include "cli/text/progress.h"
+#include "cli/command/progress.h"
 
 namespace l4d::cli {
 

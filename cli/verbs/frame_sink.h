@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "cli/common.h"
-#include "cli/files.h"
+#include "cli/command/context.h"
+#include "cli/input/files.h"
 #include "io/image/image.h"
 #include "io/image/video.h"
 

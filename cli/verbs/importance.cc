@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "cli/command/values.h"
 #include "cli/text/units.h"
 
 namespace l4d::cli {

@@ -5,9 +5,9 @@
 #include <utility>
 #include <vector>
 
-#include "cli/camera_arguments.h"
-#include "cli/common.h"
-#include "eval/importance.h"
+#include "cli/command/context.h"
+#include "cli/input/camera_arguments.h"
+#include "eval/views/importance.h"
 
 namespace l4d::cli {
 

@@ -6,7 +6,7 @@
 #include <map>
 #include <optional>
 
-#include "cli/text/levels.h"
+#include "cli/command/levels.h"
 #include "cli/text/units.h"
 #include "l4d/experimental/inspect.h"
 

@@ -4,8 +4,8 @@
 
 #include <string>
 
-#include "cli/common.h"
-#include "cli/member_file.h"
+#include "cli/command/context.h"
+#include "cli/input/member_file.h"
 
 namespace l4d::cli {
 

@@ -3,9 +3,10 @@
 #include <filesystem>
 #include <optional>
 
-#include "cli/member_file.h"
-#include "cli/playlist.h"
+#include "cli/input/member_file.h"
+#include "cli/input/playlist.h"
 #include "cli/text/units.h"
+#include "cli/verbs/verbs.h"
 #include "io/file/file.h"
 
 namespace l4d::cli {

@@ -3,11 +3,12 @@
 #include <memory>
 #include <thread>
 
-#include "cli/rendering.h"
-#include "cli/text/progress.h"
+#include "cli/command/progress.h"
+#include "cli/command/values.h"
+#include "cli/input/rendering.h"
 #include "cli/text/units.h"
 #include "cli/verbs/importance.h"
-#include "eval/importance.h"
+#include "eval/views/importance.h"
 #include "l4d/cuda.h"
 
 namespace l4d::cli {

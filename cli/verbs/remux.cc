@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/member_file.h"
-#include "cli/options.h"
-#include "cli/text/detail.h"
-#include "cli/text/progress.h"
+#include "cli/command/detail.h"
+#include "cli/command/options.h"
+#include "cli/command/progress.h"
+#include "cli/input/member_file.h"
 #include "cli/text/units.h"
+#include "cli/verbs/verbs.h"
 #include "l4d/experimental/copy.h"
 
 namespace l4d::cli {

@@ -6,16 +6,18 @@
 #include <memory>
 #include <optional>
 
-#include "cli/camera_arguments.h"
-#include "cli/common.h"
-#include "cli/files.h"
-#include "cli/rendering.h"
-#include "cli/text/detail.h"
-#include "cli/text/progress.h"
-#include "cli/text/sequence.h"
+#include "cli/command/context.h"
+#include "cli/command/detail.h"
+#include "cli/command/progress.h"
+#include "cli/command/values.h"
+#include "cli/input/camera_arguments.h"
+#include "cli/input/files.h"
+#include "cli/input/rendering.h"
+#include "cli/input/sequence.h"
+#include "cli/input/tolerant.h"
 #include "cli/text/units.h"
 #include "cli/verbs/frame_sink.h"
-#include "cli/verbs/tolerant.h"
+#include "cli/verbs/verbs.h"
 #include "io/camera/first_view.h"
 #include "io/image/video.h"
 

@@ -4,9 +4,10 @@
 #include <memory>
 #include <set>
 
-#include "cli/member_file.h"
-#include "cli/text/progress.h"
+#include "cli/command/progress.h"
+#include "cli/input/member_file.h"
 #include "cli/text/units.h"
+#include "cli/verbs/verbs.h"
 #include "l4d/experimental/copy.h"
 
 namespace l4d::cli {

@@ -2,13 +2,14 @@
 #include <memory>
 #include <optional>
 
-#include "cli/camera_arguments.h"
-#include "cli/common.h"
-#include "cli/files.h"
-#include "cli/scene_source.h"
-#include "cli/text/progress.h"
+#include "cli/command/context.h"
+#include "cli/command/progress.h"
+#include "cli/input/camera_arguments.h"
+#include "cli/input/files.h"
+#include "cli/input/scene_source.h"
 #include "cli/text/units.h"
 #include "cli/verbs/importance.h"
+#include "cli/verbs/verbs.h"
 
 namespace l4d::cli {
 namespace {

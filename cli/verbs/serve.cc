@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // serve and view: files over HTTP to a browser at this machine.
-#include "cli/verbs/serve.h"
 
 #include <fcntl.h>
 #include <spawn.h>
@@ -13,14 +12,15 @@
 #include <filesystem>
 #include <memory>
 
+#include "cli/command/progress.h"
 #include "cli/http/listener.h"
 #include "cli/http/peer.h"
 #include "cli/http/player.h"
 #include "cli/http/server.h"
-#include "cli/member_file.h"
-#include "cli/playlist.h"
-#include "cli/text/progress.h"
+#include "cli/input/member_file.h"
+#include "cli/input/playlist.h"
 #include "cli/text/units.h"
+#include "cli/verbs/verbs.h"
 
 extern char** environ;
 

@@ -4,9 +4,10 @@
 #include <filesystem>
 #include <memory>
 
-#include "cli/common.h"
-#include "cli/files.h"
-#include "cli/signature.h"
+#include "cli/command/context.h"
+#include "cli/input/files.h"
+#include "cli/input/signature.h"
+#include "cli/verbs/verbs.h"
 #include "io/file/file.h"
 
 namespace l4d::cli {

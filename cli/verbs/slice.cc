@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <memory>
 
-#include "cli/arrays.h"
-#include "cli/common.h"
-#include "cli/files.h"
-#include "cli/instants.h"
-#include "cli/scene_source.h"
-#include "cli/shown_scene.h"
-#include "cli/text/detail.h"
-#include "cli/text/progress.h"
-#include "cli/text/sequence.h"
+#include "cli/command/context.h"
+#include "cli/command/detail.h"
+#include "cli/command/progress.h"
+#include "cli/input/arrays.h"
+#include "cli/input/files.h"
+#include "cli/input/instants.h"
+#include "cli/input/scene_source.h"
+#include "cli/input/sequence.h"
+#include "cli/input/shown_scene.h"
 #include "cli/text/units.h"
+#include "cli/verbs/verbs.h"
 
 namespace l4d::cli {
 namespace {

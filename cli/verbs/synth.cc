@@ -5,11 +5,13 @@
 #include <array>
 #include <memory>
 
-#include "cli/common.h"
-#include "cli/files.h"
-#include "cli/scene_source.h"
-#include "cli/text/progress.h"
+#include "cli/command/context.h"
+#include "cli/command/progress.h"
+#include "cli/command/values.h"
+#include "cli/input/files.h"
+#include "cli/input/scene_source.h"
 #include "cli/text/units.h"
+#include "cli/verbs/verbs.h"
 #include "io/ply/scene_ply.h"
 
 namespace l4d::cli {

@@ -2,13 +2,14 @@
 #include <memory>
 #include <optional>
 
-#include "cli/common.h"
-#include "cli/files.h"
-#include "cli/signature.h"
-#include "cli/text/levels.h"
-#include "cli/text/progress.h"
+#include "cli/command/context.h"
+#include "cli/command/levels.h"
+#include "cli/command/progress.h"
+#include "cli/input/files.h"
+#include "cli/input/signature.h"
 #include "cli/text/units.h"
 #include "cli/verbs/judgement.h"
+#include "cli/verbs/verbs.h"
 
 namespace l4d::cli {
 namespace {

@@ -2,8 +2,9 @@
 #include <CLI/Version.hpp>
 #include <cstring>
 
-#include "cli/common.h"
+#include "cli/command/context.h"
 #include "cli/text/units.h"
+#include "cli/verbs/verbs.h"
 #include "l4d/cuda.h"
 
 namespace l4d::cli {

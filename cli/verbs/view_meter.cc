@@ -4,10 +4,10 @@
 #include <optional>
 #include <utility>
 
-#include "cli/rendering.h"
-#include "cli/text/progress.h"
+#include "cli/command/progress.h"
+#include "cli/input/rendering.h"
 #include "cli/text/units.h"
-#include "eval/fidelity_meter.h"
+#include "eval/image/fidelity_meter.h"
 
 namespace l4d::cli {
 namespace {

@@ -4,9 +4,9 @@
 #include <memory>
 #include <string>
 
-#include "cli/camera_arguments.h"
-#include "cli/common.h"
-#include "eval/target.h"
+#include "cli/command/context.h"
+#include "cli/input/camera_arguments.h"
+#include "eval/target/target.h"
 
 namespace l4d::cli {
 

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // What verbs find in place of the renderer where it was not built. Each of these says so and ends
 // the command; options that need it are refused before.
-#include "cli/common.h"
-#include "cli/rendering.h"
+#include "cli/command/context.h"
+#include "cli/input/rendering.h"
 #include "cli/verbs/compare_renders.h"
 #include "cli/verbs/importance.h"
+#include "cli/verbs/verbs.h"
 #include "cli/verbs/view_meter.h"
 
 namespace l4d::cli {

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a build without the HTTP library has in place of serve and view.
-#include "cli/verbs/serve.h"
 
 namespace l4d::cli {
 namespace {

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <numeric>
 
-#include "eval/comparison.h"
-#include "eval/encoding.h"
-#include "eval/target.h"
+#include "eval/pair/comparison.h"
+#include "eval/target/encoding.h"
+#include "eval/target/target.h"
 #include "io/synth/synth.h"
 
 namespace l4d::eval {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The networks of LPIPS against direct loops over whole maps in double, which share no code with
 // them.
-#include "eval/lpips.h"
+#include "eval/image/lpips.h"
 
 #include <gmock/gmock.h>
 

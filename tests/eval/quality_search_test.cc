@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "eval/quality_search.h"
+#include "eval/target/quality_search.h"
 
 #include <gtest/gtest.h>
 

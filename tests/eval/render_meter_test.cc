@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "eval/fidelity_meter.h"
-#include "eval/image_comparison.h"
+#include "eval/image/fidelity_meter.h"
+#include "eval/image/image_comparison.h"
 #include "io/synth/synth.h"
 
 namespace l4d::eval {

@@ -5,8 +5,8 @@
 #include <map>
 #include <set>
 
-#include "eval/opacity_fit.h"
-#include "eval/pruning.h"
+#include "eval/refit/opacity_fit.h"
+#include "eval/refit/pruning.h"
 #include "io/synth/synth.h"
 #include "l4d/experimental/sensitivity.hpp"
 #include "libl4dcodec/scene/window.h"

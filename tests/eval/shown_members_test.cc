@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // What an instant of a file of several streams shows: the media member with those that it needs.
-#include "eval/shown_members.h"
+#include "eval/scene/shown_members.h"
 
 #include <gtest/gtest.h>
 
 #include <cstring>
 
-#include "eval/rendered_scene.h"
-#include "eval/views.h"
+#include "eval/views/rendered_scene.h"
+#include "eval/views/views.h"
 #include "io/synth/synth.h"
 #include "l4d/experimental/copy.h"
 #include "l4d/l4d.hpp"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <memory>
 
-#include "eval/comparison.h"
+#include "eval/pair/comparison.h"
 #include "io/scene/scene.h"
 #include "l4d/members.h"
 #include "tests/common/codec.h"

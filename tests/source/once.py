@@ -93,13 +93,13 @@ RULES = {
         "encoder/prepare/scene.cc": 2,
         "decoder/session/bucket_cache.cc": 1,
         "io/ply/write_ply.cc": 1,
-        "eval/comparison.cc": 1,
+        "eval/pair/comparison.cc": 1,
         "render/renderer.cc": 1,
         "render/importance/sensitivity.cc": 1,
         "render/cuda/backward/gradient.cu": 2,
         "bench/tables/times.cc": 1,
         # The arrays of a digest, whose order is that of the specification.
-        "cli/decode_arrays.cc": 1,
+        "cli/input/decode_arrays.cc": 1,
         # Rows of a model in training, and the rate of each.
         "training/model/rows.h": 1,
         "training/step/adam.h": 1,

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <system_error>
 
-#include "eval/view_encoding.h"
+#include "eval/refit/view_encoding.h"
 #include "io/camera/write_cameras.h"
 #include "io/file/file.h"
 #include "io/ply/scene_ply.h"

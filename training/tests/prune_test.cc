@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "eval/importance.h"
+#include "eval/views/importance.h"
 #include "io/image/metrics.h"
 #include "training/run/train/output.h"
 #include "training/step/backend.h"

@@ -7,7 +7,7 @@
 #include <limits>
 #include <vector>
 
-#include "eval/views.h"
+#include "eval/views/views.h"
 #include "io/file/file.h"
 #include "l4d/experimental/sensitivity.hpp"
 #include "libl4dcodec/scene/sh.h"

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "eval/refit.h"
+#include "eval/refit/refit.h"
 #include "training/run/record/log.h"
 #include "training/run/setup/settings.h"
 #include "training/run/setup/times.h"

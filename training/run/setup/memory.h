@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "eval/lpips.h"
+#include "eval/image/lpips.h"
 #include "training/capture/capture.h"
 #include "training/run/setup/run_options.h"
 #include "training/run/setup/settings.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "eval/lpips.h"
+#include "eval/image/lpips.h"
 #include "io/image/image.h"
 #include "io/image/metrics.h"
 #include "training/images/loader.h"

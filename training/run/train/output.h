@@ -4,7 +4,7 @@
 #include <functional>
 #include <string>
 
-#include "eval/views.h"
+#include "eval/views/views.h"
 #include "io/ply/weights.h"
 #include "l4d/l4d.hpp"
 #include "training/images/loader.h"

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <iterator>
 
-#include "eval/importance.h"
+#include "eval/views/importance.h"
 #include "io/image/metrics.h"
 #include "libl4dcodec/scene/slice.h"
 #include "training/model/random.h"

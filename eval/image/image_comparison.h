@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "eval/image/lpips.h"
+#include "eval/observer.h"
+#include "eval/views/rendered_scene.h"
+#include "eval/views/views.h"
+#include "io/image/image.h"
+#include "io/image/metrics.h"
+
+namespace l4d::eval {
+
+// Decibels are reported up to here, which is far beyond what 8 bits show (59 dB): equal images have
+// no finite number of them, and JSON has no other.
+constexpr double kMaxDecibels = 100;
+double capped_psnr(double mse);
+
+// Two images of one view against each other.
+struct ImageError {
+  double mse = 0;
+  double ssim = 0;
+  double lpips = 0;  // where a network measured it
+};
+
+// Over all views; none of its decibels is above kMaxDecibels.
+io::Fidelity summarise(const std::vector<ImageError>& views);
+
+struct ViewFidelity {
+  io::View view;
+  int camera = 0;       // id
+  ImageError fidelity;  // of B's render against A's
+  ImageError a, b;      // of the renders against what the camera saw, if the caller wants it
+};
+
+struct ImageComparison {
+  std::vector<ViewFidelity> views;
+  bool has_images = false;
+  std::string lpips;  // the network of LPIPS, "alex" or "vgg"; "" = none
+  double render_seconds = 0;
+
+  // Of one of the errors that views have: &ViewFidelity::fidelity, a or b.
+  io::Fidelity summary(ImageError ViewFidelity::*of) const;
+  double mean_lpips(ImageError ViewFidelity::*of) const;
+  size_t worst() const;  // index into views
+};
+
+// Renders both scenes in all views; all cameras of an instant share it. images: also compares both
+// with what the cameras saw. lpips: may be null; throws io::Error before it renders if images are
+// too small for the network. threads: 0 = one per core.
+ImageComparison compare_images(RenderedScene& a, RenderedScene& b, const CameraViews& views,
+                               bool images, const Lpips* lpips, uint32_t threads,
+                               Observer& observer);
+
+// A, B and the map of their difference times `gain`, beside each other.
+io::Image side_by_side(RenderedScene& a, RenderedScene& b, const CameraViews& views,
+                       const io::View& view, double gain);
+
+}  // namespace l4d::eval
