@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Prints a C program that prints where each field of each public struct lies, and each name's value.
+"""Prints a C program that prints where each field of each public struct lies, each name's value and each function.
 
-usage: fields.py HEADERS
+usage: fields.py HEADERS [stable]
+stable: without the headers of experimental/
 """
 import pathlib
 import re
@@ -25,7 +26,7 @@ def struct_fields(body):
 
 
 def main():
-    headers = sorted(pathlib.Path(sys.argv[1]).glob("l4d/**/*.h"))
+    headers = sorted(pathlib.Path(sys.argv[1]).glob("l4d/*.h" if sys.argv[2:] == ["stable"] else "l4d/**/*.h"))
     print("#include <stddef.h>\n#include <stdio.h>")
     for header in headers:
         print(f'#include "{header.relative_to(sys.argv[1])}"')
@@ -41,6 +42,9 @@ def main():
             for field in fields:
                 print(f'  printf("{name}.{field} %zu %zu\\n", offsetof({name}, {field}), '
                       f"sizeof((({name}*)0)->{field}));")
+        plain = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+        for function in re.findall(r"\nL4D_API ([^;]*);", plain):
+            print(f'  puts("{" ".join(function.split())}");')
         for body in re.findall(r"enum \{(.*?)\}", text, flags=re.S):
             for name in re.findall(r"\b(L4D_\w+)\b(?=\s*[=,}\n]|\s*$)",
                                    re.sub(r"/\*.*?\*/", "", body, flags=re.S)):

@@ -3,8 +3,8 @@
 # usage: run.sh headers|library SOURCE_DIR WORK_DIR [OPTION...]
 # OPTION: for CMake.
 # Whether programs outlive the library that they were compiled for.
-#  - headers: grown as a later version may grow them (grow.py), they have every field and name of
-#    today in the same place.
+#  - headers: those that are stable are what abi.txt says (L4D_UPDATE_GOLDEN=1 writes it anew; from 1.0 on, lines may only
+#    be added). Grown as a later version may grow them (grow.py), all have every field and name of today in the same place.
 #  - library: programs that are compiled against the headers of today run with a shared library of the
 #    grown ones, both under the address sanitizer.
 set -euo pipefail
@@ -21,14 +21,20 @@ rm -rf "$work/grown" "$work/lost" # headers that are no longer there
 
 python3 -B "$here/grow.py" "$source/include" "$work/grown"
 
-# fields HEADERS: each struct's size and each field's offset, as this compiler has them.
+# fields HEADERS [stable]: each struct's size, each field's offset, and each function, as this compiler has them.
 fields() {
-  python3 -B "$here/fields.py" "$1" >"$work/fields.c"
+  python3 -B "$here/fields.py" "$@" >"$work/fields.c"
   "$cc" -I "$1" "$work/fields.c" -o "$work/fields"
   "$work/fields"
 }
 check_headers() {
   local moved
+  fields "$source/include" stable >"$work/abi.txt"
+  if [[ ${L4D_UPDATE_GOLDEN:-0} == 1 ]]; then
+    cp "$work/abi.txt" "$here/abi.txt"
+  elif [[ $(uname -sm) == 'Linux x86_64' ]]; then
+    diff -u "$here/abi.txt" "$work/abi.txt" >&2 || { echo "FAIL: the stable interface has changed" >&2; exit 1; }
+  fi
   fields "$source/include" >"$work/today.txt"
   fields "$work/grown" >"$work/grown.txt"
   moved=$(comm -23 <(sort "$work/today.txt") <(sort "$work/grown.txt"))
