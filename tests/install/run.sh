@@ -55,8 +55,20 @@ packages=(l4dcodec)
 programs=(consumer_decode)
 if [[ $kind != decoder ]]; then
   packages+=(l4dencoder l4drender)
-  programs+=(consumer consumer_render)
+  programs+=(encode_arrays draw_instant) # of the examples: one makes the stream that the other draws
 fi
+source_of() { [[ $1 == consumer_decode ]] && echo "$here/$1.c" || echo "$here/../../examples/$1.c"; }
+# check PROGRAM: runs one that was built.
+check() {
+  case ${1##*/} in
+    encode_arrays) "$1" "$work/scene.l4d" | tail -n 1 ;;
+    draw_instant)
+      "$1" "$work/scene.l4d" 1 "$work/picture.ppm"
+      (($(wc -c <"$work/picture.ppm") == 15 + 3 * 640 * 360)) || fail "the picture of $1"
+      ;;
+    *) "$1" ;;
+  esac
+}
 
 echo "== files"
 (cd "$prefix" && find . -type f -o -type l) |
@@ -118,12 +130,12 @@ for package in "${packages[@]}"; do
     fail "declared (<) and defined (>) functions of $package differ"
 done
 
-# build_and_run PROGRAM FLAG...: a C program of this folder with the flags of pkg-config.
+# build_and_run PROGRAM FLAG...: a C program with the flags of pkg-config.
 build_and_run() {
   local program=$1
   shift
-  "$cc" -std=c99 -pedantic -Wall -Wextra -Werror "$here/$program.c" -o "$work/$program" "$@"
-  LD_LIBRARY_PATH=$library "$work/$program"
+  "$cc" -std=c99 -pedantic -Wall -Wextra -Werror "$(source_of "$program")" -o "$work/$program" "$@" -lm
+  LD_LIBRARY_PATH=$library check "$work/$program"
 }
 
 links_no_shared() {
@@ -169,19 +181,19 @@ find_package() {
 }
 echo "== find_package from C alone"
 find_package consumer-c -DPROGRAMS="$(IFS=';' && echo "${programs[*]}")"
-for program in "${programs[@]}"; do "$work/build-consumer-c/$program"; done
+for program in "${programs[@]}"; do check "$work/build-consumer-c/$program"; done
 if [[ $kind == both ]]; then
   echo "== find_package, the static libraries"
   rm -rf "$work/build-consumer-c"
   find_package consumer-c -DSUFFIX=_static -DPROGRAMS="$(IFS=';' && echo "${programs[*]}")"
   for program in "${programs[@]}"; do
-    "$work/build-consumer-c/$program"
+    check "$work/build-consumer-c/$program"
     links_no_shared "$work/build-consumer-c/$program"
   done
 fi
 if [[ $kind != decoder ]]; then
   echo "== find_package from C++"
   find_package consumer -DCMAKE_CXX_COMPILER="$cxx" -DEXPECTED_VERSION="$version"
-  "$work/build-consumer/consumer"
+  check "$work/build-consumer/encode_arrays"
 fi
 echo "install test of the $kind library: ok"
