@@ -11,8 +11,8 @@
 #include "cli/text/units.h"
 #include "cli/verbs/encode/live_pieces.h"
 #include "cli/verbs/encode/recording.h"
-#include "eval/target/encoding.h"
 #include "eval/scene/motion.h"
+#include "eval/target/encoding.h"
 #include "l4d/experimental/session.h"
 
 namespace l4d::cli {

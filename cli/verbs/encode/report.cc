@@ -7,7 +7,7 @@
 #include "cli/text/units.h"
 #include "cli/verbs/comparison_text.h"
 #include "cli/verbs/encode/refit.h"
-#include "eval/pairing.h"
+#include "eval/pair/pairing.h"
 
 namespace l4d::cli {
 namespace {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "cli/verbs/encode/arguments.h"
-#include "eval/encoding.h"
-#include "eval/refit.h"
+#include "eval/refit/refit.h"
+#include "eval/target/encoding.h"
 
 namespace l4d::cli {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/verbs/encode/scene.h"
 
-#include "eval/min_sizes.h"
+#include "eval/views/min_sizes.h"
 #include "io/camera/first_view.h"
 #include "io/scene/rendering_text.h"
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/verbs/encode/weights.h"
 
-#include "eval/encoding.h"
-#include "eval/refit.h"
+#include "eval/refit/refit.h"
+#include "eval/target/encoding.h"
 #include "io/ply/weights.h"
 
 namespace l4d::cli {
