@@ -243,9 +243,10 @@ TEST(Live, APauseOfTheProducerCostsOneWait) {
   }
 }
 
-// What 14 seconds without a member have lost, the rate would make good in minutes.
+// What 14 seconds in which nothing could be had have cost, the rate would make good in minutes.
 TEST(Live, ALongWaitEndsAtTheLivePosition) {
   RecordingShape shape = live_shape();
+  shape.catches_up = true;
   shape.pause_from = 8;
   shape.pause_until = 22;
   Player p(shape);

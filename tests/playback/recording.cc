@@ -42,8 +42,10 @@ Recording::Recording(const std::vector<const Bytes*>& files, const RecordingShap
     begin = s.end;
     target_ = std::max(target_, std::round(seconds));
     if (k >= shape.first) at += seconds;
-    if (at >= shape.pause_from && at < shape.pause_until) at = shape.pause_until;
-    s.at = k < shape.first ? 0 : at + shape.jitter * random_.uniform();
+    const bool is_late = at >= shape.pause_from && at < shape.pause_until;
+    const double there = is_late ? shape.pause_until : at;
+    if (!shape.catches_up) at = there;
+    s.at = k < shape.first ? 0 : there + shape.jitter * random_.uniform();
     s.offset = whole->size();
     s.bytes = bytes.size();
     s.needs = shape.standing && k % 2 == 0;

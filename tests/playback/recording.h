@@ -17,6 +17,7 @@ struct RecordingShape {
   uint32_t first = 8;                              // of them, those that are there at 0
   double jitter = 0;                               // seconds that a member may come late
   double pause_from = 1e300, pause_until = 1e300;  // nothing comes
+  bool catches_up = false;                         // then what would have comes at once
   double restart_at = 1e300;                       // another recording, at the same place
   bool states_stream = true;
   bool ends = true;            // with its last member
