@@ -220,10 +220,14 @@ class Encoder::Run {
                                      errors, parts.order, lossless_};
     L4D_RETURN_IF_ERROR(check_written(parts.chunks, &expected, threads_));
     steps_.begin("write");
+    uint64_t written = 0;
     for (const Bytes& chunk : parts.chunks) {
-      steps_.report(kTotalWork - kWriteWork);
+      const double share = static_cast<double>(written) / static_cast<double>(parts.bytes);
+      steps_.report(kTotalWork - kWriteWork + static_cast<uint64_t>(share * kWriteWork));
       if (!write(chunk.data(), chunk.size())) return Status(L4D_ERR_IO, "writing failed");
+      written += chunk.size();
     }
+    steps_.report(kTotalWork);
     steps_.end();
     report_.order = std::move(parts.order);
     report_.totals.file_bytes = parts.bytes;

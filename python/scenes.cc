@@ -12,11 +12,11 @@
 #include <utility>
 #include <vector>
 
-#include "eval/pair/comparison.h"
-#include "eval/scene/decoded_scene.h"
 #include "eval/errors.h"
 #include "eval/observer.h"
+#include "eval/pair/comparison.h"
 #include "eval/pair/pairing.h"
+#include "eval/scene/decoded_scene.h"
 #include "eval/scene/shown_members.h"
 #include "io/camera/cameras.h"
 #include "io/camera/first_view.h"

@@ -14,9 +14,9 @@
 #include "cli/verbs/compare_renders.h"
 #include "cli/verbs/comparison_text.h"
 #include "cli/verbs/verbs.h"
-#include "eval/views/min_sizes.h"
 #include "eval/pair/pairing.h"
 #include "eval/pair/seen_errors.h"
+#include "eval/views/min_sizes.h"
 
 namespace l4d::cli {
 namespace {

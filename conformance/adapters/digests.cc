@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "conformance/adapters/digests.h"
-#include "l4d/experimental/packed.h"
 
 #include <xxhash.h>
 
@@ -11,6 +10,8 @@
 #include <cstring>
 #include <type_traits>
 #include <vector>
+
+#include "l4d/experimental/packed.h"
 
 namespace l4d {
 namespace {

@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "eval/pair/seen_errors.h"
 #include "eval/scene/decoded_scene.h"
 #include "eval/scene/motion.h"
-#include "eval/pair/seen_errors.h"
 #include "libl4dcodec/scene/color_errors.h"
 
 namespace l4d::eval {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "eval/scene/decoded_scene.h"
 #include "eval/observer.h"
+#include "eval/scene/decoded_scene.h"
 #include "io/scene/scene.h"
 
 namespace l4d::eval {

@@ -7,8 +7,8 @@
 #include <optional>
 #include <utility>
 
-#include "eval/scene/motion.h"
 #include "eval/refit/opacity_fit.h"
+#include "eval/scene/motion.h"
 #include "libl4dcodec/scene/sh.h"
 
 namespace l4d::eval {

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "eval/target/encoding.h"
 #include "eval/image/fidelity_meter.h"
 #include "eval/refit/pruning.h"
+#include "eval/target/encoding.h"
 #include "eval/target/quality_search.h"
 
 namespace l4d::eval {

@@ -5,8 +5,8 @@
 #include <optional>
 #include <string>
 
-#include "eval/views/importance.h"
 #include "eval/refit/refit.h"
+#include "eval/views/importance.h"
 
 namespace l4d::eval {
 

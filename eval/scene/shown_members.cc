@@ -5,8 +5,8 @@
 #include <cmath>
 #include <optional>
 
-#include "eval/scene/decoded_scene.h"
 #include "eval/errors.h"
+#include "eval/scene/decoded_scene.h"
 #include "io/scene/scene.h"
 
 namespace l4d::eval {

@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "eval/pair/comparison.h"
 #include "eval/observer.h"
+#include "eval/pair/comparison.h"
 #include "io/file/memory.h"
 #include "l4d/l4d.hpp"
 

@@ -4,8 +4,8 @@
 #include <functional>
 #include <string>
 
-#include "eval/target/encoding.h"
 #include "eval/observer.h"
+#include "eval/target/encoding.h"
 #include "eval/target/quality_search.h"
 
 namespace l4d::eval {

@@ -6,8 +6,8 @@
 #include <set>
 #include <tuple>
 
-#include "eval/scene/motion.h"
 #include "eval/parallel.h"
+#include "eval/scene/motion.h"
 
 namespace l4d::eval {
 namespace {

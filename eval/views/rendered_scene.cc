@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "eval/scene/decoded_scene.h"
 #include "eval/errors.h"
+#include "eval/scene/decoded_scene.h"
 #include "eval/views/views.h"
 
 namespace l4d::eval {

@@ -65,13 +65,14 @@ struct Canceller {
   int calls = 0;
   int at = -1;
   int writes = 0;
-  uint64_t last_done = 0;
+  uint64_t last_done = 0, total = 0;
   bool wrong = false;
 };
 int on_progress(void* user, uint64_t done, uint64_t total, const char* stage) {
   Canceller& c = *static_cast<Canceller*>(user);
   if (stage == nullptr || stage[0] == '\0' || done > total || done < c.last_done) c.wrong = true;
   c.last_done = done;
+  c.total = total;
   c.writes += stage != nullptr && std::string(stage) == "write" ? 1 : 0;
   return c.calls++ == c.at ? 1 : 0;
 }
@@ -82,6 +83,7 @@ TEST_F(EncodeFile, ProgressGoesForward) {
   ASSERT_EQ(l4d_encoder_encode_file(encoder_.get(), path_.c_str()), L4D_OK);
   EXPECT_GT(c.calls, 5);
   EXPECT_FALSE(c.wrong);
+  EXPECT_EQ(c.last_done, c.total);
 }
 
 // Compressing pages is most of a lossless encode.

@@ -112,7 +112,7 @@ OUTSIDE = {
     "hwy/": {"libl4dcodec/entropy", "api", "decoder/expand", "encoder", "render", "tests",
              "tests/common", "bench/micro", "bench/tables/decode.cc"},
     "cuda_runtime_api.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/search/cuda", "render/cuda",
-                           "training/cuda", "training/tests", "training/bench", "tests", "bench/gpu"},
+                           "training/cuda", "training/tests", "training/bench", "tests", "bench/gpu", "examples"},
     "cuda_runtime.h": {"libl4dcodec/cuda", "decoder/cuda", "encoder/search/cuda", "render/cuda",
                        "training/cuda", "training/tests", "training/bench", "tests", "bench/gpu"},
     "cub/": {"decoder/cuda", "encoder/search/cuda", "render/cuda"},
