@@ -68,7 +68,8 @@ export class RowTextures {
     const to = texture.image.data;
     to.fill(0, width * line, width * (line + 1));
     to.set(from.subarray(begin, begin + width), width * line);
-    texture.addUpdateRange(width * line, width);
+    // A texture that is new comes whole: with ranges, nothing but these would come.
+    if (texture.userData.isThere) texture.addUpdateRange(width * line, width);
     texture.needsUpdate = true;
   }
 
@@ -80,6 +81,7 @@ export class RowTextures {
       old?.dispose();
       // Nearest, no mipmaps: three's own defaults for data.
       const texture = new THREE.DataTexture(data, width, lines, THREE.RGBAFormat, type);
+      texture.onUpdate = () => { texture.userData.isThere = true; };
       texture.needsUpdate = true;
       return texture;
     };

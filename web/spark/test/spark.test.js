@@ -118,7 +118,7 @@ test('a mesh hides splats behind it, and splats hide a mesh behind them', async 
       }
       return counts;
     };
-    return {before: await green(-6, 0.6), within: await green(-1, 1.8), behind: await green(9, 4)};
+    return {before: await green(-6, 0.6), within: await green(-1.5, 1.8), behind: await green(9, 4)};
   }, madeCameras[0]);
   console.log(`pixels of the mesh alone, without and with splats: ${JSON.stringify(found)}`);
   for (const [alone] of Object.values(found)) assert.ok(alone > 1000, 'the mesh is in the picture');
