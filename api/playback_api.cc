@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <memory>
 #include <vector>
 
@@ -306,6 +307,15 @@ l4d_status l4d_playback_get_uri(const l4d_playback* p, uint32_t source, const ch
     if (*uri == nullptr) return l4d::invalid_argument("there is no such source");
     return {};
   });
+}
+
+const char* l4d_playback_cause_name(uint32_t cause) {
+  static constexpr const char* kNames[] = {
+      "L4D_CAUSE_NONE",      "L4D_CAUSE_TIMEOUT", "L4D_CAUSE_NETWORK",  "L4D_CAUSE_FORBIDDEN",
+      "L4D_CAUSE_NOT_FOUND", "L4D_CAUSE_CHANGED", "L4D_CAUSE_GARBLED",  "L4D_CAUSE_DAMAGED",
+      "L4D_CAUSE_TRUNCATED", "L4D_CAUSE_CORRUPT", "L4D_CAUSE_NOT_L4D",  "L4D_CAUSE_VERSION",
+      "L4D_CAUSE_FEATURE",   "L4D_CAUSE_LIMIT",   "L4D_CAUSE_PLAYLIST", "L4D_CAUSE_NO_RANGES"};
+  return cause < std::size(kNames) ? kNames[cause] : "L4D_CAUSE_UNKNOWN";
 }
 
 }  // extern "C"

@@ -212,13 +212,6 @@ static void run(player* p, double play_seconds, int seeks) {
   seek_around(p, p->state.begin, p->state.end - p->state.begin, seeks);
 }
 
-static const char* name_of(uint32_t cause) {
-  static const char* const kNames[] = {"",        "timeout",   "network", "forbidden", "not found",
-                                       "changed", "garbled",   "damaged", "truncated", "corrupt",
-                                       "not l4d", "a version", "a tool",  "a limit"};
-  return cause < sizeof kNames / sizeof *kNames ? kNames[cause] : "unknown";
-}
-
 int main(int argc, char** argv) {
   static player p;
   long size = -1;
@@ -241,7 +234,8 @@ int main(int argc, char** argv) {
   if (p.failure != L4D_OK) {
     fprintf(stderr, "player_async: %s %s\n", l4d_status_name(p.failure), l4d_last_error_message());
   } else if (failed) {
-    fprintf(stderr, "player_async: the stream cannot be played: %s\n", name_of(p.state.cause));
+    fprintf(stderr, "player_async: the stream cannot be played: %s\n",
+            l4d_playback_cause_name(p.state.cause));
   }
   l4d_playback_destroy(p.playback);
   fclose(p.file);

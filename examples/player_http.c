@@ -250,9 +250,10 @@ static void wait(player* p, double until) {
 /* ---- the player ------------------------------------------------------------------------------ */
 
 static void tell(const l4d_playback_item* item) {
-  if (item->event == L4D_EVENT_LOST) fprintf(stderr, "lost: cause %u\n", (unsigned)item->cause);
+  if (item->event == L4D_EVENT_LOST)
+    fprintf(stderr, "lost: %s\n", l4d_playback_cause_name(item->cause));
   if (item->event == L4D_EVENT_RETRY) {
-    fprintf(stderr, "again in %.2f s: cause %u\n", item->value, (unsigned)item->cause);
+    fprintf(stderr, "again in %.2f s: %s\n", item->value, l4d_playback_cause_name(item->cause));
   }
 }
 
@@ -327,8 +328,8 @@ int main(int argc, char** argv) {
   if (p.failure != L4D_OK) {
     fprintf(stderr, "player_http: %s %s\n", l4d_status_name(p.failure), l4d_last_error_message());
   } else if (failed) {
-    fprintf(stderr, "player_http: the stream cannot be played: cause %u\n",
-            (unsigned)p.state.cause);
+    fprintf(stderr, "player_http: the stream cannot be played: %s\n",
+            l4d_playback_cause_name(p.state.cause));
   } else {
     printf("shown for %.1f s, of which %.1f s waiting, %llu requests\n",
            p.state.end - p.state.begin, p.state.waited_seconds,

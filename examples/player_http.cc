@@ -168,7 +168,8 @@ class Player {
       wait(std::min(state.wake_at, due));
     }
     if (state.stream == L4D_STREAM_FAILED) {
-      std::fprintf(stderr, "player_http: the stream cannot be played: cause %u\n", state.cause);
+      std::fprintf(stderr, "player_http: the stream cannot be played: %s\n",
+                   l4d_playback_cause_name(state.cause));
       return false;
     }
     std::printf("shown for %.1f s, of which %.1f s waiting, %llu requests\n",
@@ -182,7 +183,7 @@ class Player {
     if (item.kind == L4D_ITEM_REQUEST) start(item);
     if (item.kind == L4D_ITEM_CANCEL) connections_.erase(item.id);
     if (item.kind != L4D_ITEM_EVENT || item.event != L4D_EVENT_RETRY) return;
-    std::fprintf(stderr, "again in %.2f s: cause %u\n", item.value, item.cause);
+    std::fprintf(stderr, "again in %.2f s: %s\n", item.value, l4d_playback_cause_name(item.cause));
   }
 
   void start(const l4d_playback_item& item) {

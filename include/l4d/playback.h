@@ -90,6 +90,8 @@ enum {
   L4D_CAUSE_PLAYLIST = 14, /* the playlist breaks a rule, or lists no media member */
   L4D_CAUSE_NO_RANGES = 15 /* the server sends the whole file in place of a member */
 };
+/* The enumerator's name, static: "L4D_CAUSE_TIMEOUT". */
+L4D_API const char* l4d_playback_cause_name(uint32_t cause);
 
 /* Creates an engine without a stream. options may be NULL: all defaults. Fails with
  * INVALID_ARGUMENT if an option is out of range, with OUT_OF_MEMORY. */
@@ -207,8 +209,9 @@ typedef struct l4d_playback_item {
   uint32_t event, cause; /* EVENT: L4D_EVENT_*, L4D_CAUSE_* */
   double time, value;    /* EVENT: of the presentation; as the event says */
 } l4d_playback_item;     /* frozen */
-/* Moves up to `capacity` items out of the queue, oldest first. While 256 wait in it, nothing new is
- * requested or loaded. Ids of requests and loads are never used again. */
+/* Moves up to `capacity` items out of the queue, oldest first; the others come with the next call,
+ * which needs no update before it. While 256 wait in the queue, nothing new is requested or loaded.
+ * Ids of requests and loads are never used again. */
 L4D_API l4d_status l4d_playback_take(l4d_playback* p, l4d_playback_item* items, uint32_t capacity,
                                      uint32_t* count);
 
@@ -291,8 +294,8 @@ typedef struct l4d_playback_state {
   uint32_t live;                   /* L4D_LIVE_* */
   double begin, end;               /* of the presentation */
   double anchor_time, anchor_now, velocity, ready_from, ready_until;
-  double wake_at;                    /* the next deadline; infinity: none */
-  double retry_at;                   /* of FAILED: the next attempt; infinity: by retry alone */
+  double wake_at;  /* when to update again at the latest; it may have passed; infinity: never */
+  double retry_at; /* of FAILED: the next attempt; infinity: by retry alone */
   double throughput, round_trip;     /* bytes per second and seconds; 0 = not known */
   double waited_seconds;             /* in WAITING */
   uint64_t received_bytes;           /* of answers */

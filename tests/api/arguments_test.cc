@@ -9,6 +9,7 @@
 
 #include "l4d/experimental/inspect.h"
 #include "l4d/experimental/packed.h"
+#include "l4d/playback.h"
 #include "tests/common/codec.h"
 
 namespace l4d {
@@ -217,6 +218,8 @@ TEST(Names, StatusesSectionsAndVersions) {
     EXPECT_EQ(std::string(l4d_status_description(s)).back(), '.');
   }
   EXPECT_STREQ(l4d_status_name(-1234), "L4D_ERR_UNKNOWN");
+  EXPECT_STREQ(l4d_playback_cause_name(L4D_CAUSE_NO_RANGES), "L4D_CAUSE_NO_RANGES");
+  EXPECT_STREQ(l4d_playback_cause_name(L4D_CAUSE_NO_RANGES + 1), "L4D_CAUSE_UNKNOWN");
   EXPECT_NE(l4d_status_description(-1234), nullptr);
   std::set<std::string> sections;
   for (uint32_t i = 0; i < L4D_SECTION_COUNT; ++i) {

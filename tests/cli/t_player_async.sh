@@ -37,6 +37,6 @@ expect_text out 'at the end rung [123] of 4$'
 # What is no stream, or a damaged one, ends with a message.
 head -c 100000 /dev/zero > zero
 if "$player" zero > out 2> err; then die "zeros play"; fi
-expect_text err 'not l4d'
+expect_text err 'L4D_CAUSE_NOT_L4D'
 if "$player" > out 2> err; then die "no file plays"; fi
 expect_text err '^usage'

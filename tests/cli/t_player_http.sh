@@ -20,14 +20,14 @@ for player in "${players[@]}"; do
   done
   for name in none.l4d zeros.l4d; do
     if "$player" "$url$name" > out 2> err; then die "$name plays"; fi
-    expect_text err 'cannot be played: cause (4|10)$'
+    expect_text err 'cannot be played: L4D_CAUSE_NOT_(FOUND|L4D)$'
   done
 done
 end_server
 for player in "${players[@]}"; do
   if "$player" "${url}scene.l4d" 20 > out 2> err; then die "it plays without a server"; fi
   expect_text err '^again in '
-  expect_text err 'cannot be played: cause 2$'
+  expect_text err 'cannot be played: L4D_CAUSE_NETWORK$'
   for wrong in '' https://127.0.0.1/s.l4d http://127.0.0.1; do
     if "$player" "$wrong" > out 2> err; then die "'$wrong' plays"; fi
     expect_text err '^usage'
