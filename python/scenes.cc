@@ -289,6 +289,8 @@ l4d_status l4dpy_write_scene(const l4dpy_scene* scene, const char* format, const
       l4d::io::write_l4d_ply(path, scene->decoded.scene, check);
     } else if (name == "ftgs") {
       found = l4d::io::write_ftgs_ply(path, scene->decoded.scene, check);
+    } else if (name == "stg") {
+      found = l4d::io::write_stg_ply(path, scene->decoded.scene, check);
     } else if (name == "4dgs") {
       found = l4d::io::write_4dgs(path, scene->decoded.scene, check);
     } else if (name == "raw") {
@@ -296,7 +298,7 @@ l4d_status l4dpy_write_scene(const l4dpy_scene* scene, const char* format, const
     } else {
       throw l4d::io::Error(
           L4D_ERR_INVALID_ARGUMENT,
-          "the format is '" + name + "'; it must be 'l4d', 'ftgs', '4dgs' or 'raw'");
+          "the format is '" + name + "'; it must be 'l4d', 'ftgs', 'stg', '4dgs' or 'raw'");
     }
     put_notes("", found, notes, size);
   });

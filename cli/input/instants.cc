@@ -23,11 +23,14 @@ io::Splats take_splats(SplatArrays arrays) {
 }
 
 std::string instant_extension(const std::string& name) {
-  std::string extension = std::filesystem::path(name).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
+  std::string lower = name;
+  std::transform(lower.begin(), lower.end(), lower.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   for (const std::string& known : io::instant_extensions()) {
-    if (extension == known) return known;
+    if (lower.size() > known.size() &&
+        lower.compare(lower.size() - known.size(), known.size(), known) == 0) {
+      return known;
+    }
   }
   return "";
 }

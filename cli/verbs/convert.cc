@@ -33,7 +33,7 @@ struct ConvertArguments {
 
 constexpr const char* kTheOutput = "the output";  // for messages: it is no option here
 
-enum class Target { kStream, kScene, kFreeTime, kBirths, kArrays, kInstant };
+enum class Target { kStream, kScene, kFreeTime, kSpacetime, kBirths, kArrays, kInstant };
 
 struct Written {
   const char* ending;
@@ -41,6 +41,8 @@ struct Written {
 };
 // Longer endings first.
 constexpr Written kWritten[] = {{".ftgs.ply", Target::kFreeTime},
+                                {".stg.ply", Target::kSpacetime},
+                                {".compressed.ply", Target::kInstant},
                                 {".4dgs", Target::kBirths},
                                 {".l4d", Target::kStream},
                                 {".ply", Target::kScene},
@@ -55,12 +57,14 @@ Target target_of(const std::string& name) {
            lower.compare(lower.size() - end.size(), end.size(), end) == 0;
   };
   for (const Written& written : kWritten) {
-    if (ends_in(written.ending) && !ends_in(".compressed.ply")) return written.target;
+    if (ends_in(written.ending)) return written.target;
   }
-  if (!instant_extension(name).empty() && !ends_in(".compressed.ply")) return Target::kInstant;
-  throw usage_error("'" + name +
-                    "': the name of the output decides what is written; it ends in "
-                    ".l4d, .ply, .ftgs.ply, .4dgs, .safetensors, .spz, .sog, .glb or .usda");
+  if (!instant_extension(name).empty()) return Target::kInstant;
+  throw usage_error(
+      "'" + name +
+      "': the name of the output decides what is written; it ends in "
+      ".l4d, .ply, .ftgs.ply, .stg.ply, .4dgs, .safetensors, .compressed.ply, .spz, .sog, .glb or "
+      ".usda");
 }
 
 // Whether its Gaussians stay as they are for the whole sequence.
@@ -140,6 +144,8 @@ void write(Context& context, const ConvertArguments& arguments, const io::Scene&
       return write_stream(context, arguments, scene, output);
     case Target::kFreeTime:
       return print_notes(context, io::write_ftgs_ply(output.path(), scene, check_interrupt));
+    case Target::kSpacetime:
+      return print_notes(context, io::write_stg_ply(output.path(), scene, check_interrupt));
     case Target::kBirths:
       return write_births(context, output.path(), scene);
     case Target::kArrays:
@@ -226,8 +232,9 @@ void check(const ConvertArguments& arguments, Target target, bool is_sequence) {
     throw usage_error("--time is for outputs of one instant: .ply, .spz, .sog, .glb and .usda");
   }
   if (is_sequence && !is_instant) {
-    throw usage_error("'" + arguments.output +
-                      "' names a sequence, whose frames are .ply, .spz, .sog, .glb or .usda");
+    throw usage_error(
+        "'" + arguments.output +
+        "' names a sequence, whose frames are .ply, .compressed.ply, .spz, .sog, .glb or .usda");
   }
   if (is_sequence && !arguments.time.empty()) NumberedName::refuse(arguments.output);
 }
@@ -302,13 +309,15 @@ void add_convert(Registry& registry) {
       ->required();
   verb->add_option(
           "output", arguments->output,
-          ".l4d; .ply (l4d_ply, or 3DGS for a static scene and with --time); .ftgs.ply; .4dgs; "
-          ".safetensors (raw arrays); .spz; .sog; .glb (glTF with KHR_gaussian_splatting); "
+          ".l4d; .ply (l4d_ply, or 3DGS for a static scene and with --time); .ftgs.ply; .stg.ply; "
+          ".4dgs; .safetensors (raw arrays); .compressed.ply; .spz; .sog; .glb (glTF with "
+          "KHR_gaussian_splatting); "
           ".usda (OpenUSD); with "
           "a %d in it: one of an instant for each frame")
       ->required();
-  verb->add_option("--time", arguments->time,
-                   "The instant that .ply, .spz, .sog, .glb and .usda show: 2.5, 1:30")
+  verb->add_option(
+          "--time", arguments->time,
+          "The instant that .ply, .compressed.ply, .spz, .sog, .glb and .usda show: 2.5, 1:30")
       ->type_name("T");
   verb->add_option("--preset", arguments->preset, "Of .l4d; `encode` has all parameters")
       ->type_name("NAME")

@@ -188,9 +188,8 @@ void add_slice(Registry& registry) {
   verb->add_option("input", arguments->input, scene_help())->required();
   verb->add_option(
           "-o,--output", arguments->output,
-          "What to write, by its name: .ply (3DGS), .spz, .sog, .glb (glTF) or .usda (OpenUSD); "
-          "'-' = "
-          "3DGS PLY to stdout. "
+          "What to write, by its name: .ply (3DGS), .compressed.ply, .spz, .sog, .glb (glTF) or "
+          ".usda (OpenUSD); '-' = 3DGS PLY to stdout. "
           "A sequence needs a %d: out_%04d.ply, counted from 0. Required unless --digest is "
           "given")
       ->type_name("FILE");

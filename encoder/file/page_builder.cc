@@ -15,8 +15,8 @@
 #include "libl4dcodec/base/hash.h"
 #include "libl4dcodec/base/ordered.h"
 #include "libl4dcodec/base/threads.h"
-#include "libl4dcodec/container/morton.h"
 #include "libl4dcodec/scene/layers.h"
+#include "libl4dcodec/scene/morton.h"
 
 namespace l4d {
 namespace {

@@ -21,8 +21,8 @@ std::string name_at_odds(const std::string& name, const std::vector<std::string>
   // Names of packed PLY have two extensions.
   const bool packed = extension == ".ply" && path.stem().extension() == ".compressed";
   const bool known = is_in({".l4d", ".ply"}) || foreign_extension(extension);
-  if (!packed && (extension.empty() || is_in(written) || !(strict || known))) return "";
   if (packed) extension = ".compressed.ply";
+  if (extension.empty() || is_in(written) || !(strict || known || packed)) return "";
   std::string kinds;
   for (const std::string& kind : written) kinds += (kinds.empty() ? "" : " or ") + kind;
   return "'" + name + "' ends in " + extension + ", but what is written is " + kinds;

@@ -17,12 +17,21 @@ WriteNotes write_ply(const std::string& path, Splats splats, const InstantSettin
   return {};
 }
 
+WriteNotes write_compressed(const std::string& path, Splats splats, const InstantSetting& setting) {
+  require_finite(splats, path);
+  return write_compressed_ply(path, splats, setting.holder, setting.check);
+}
+
 struct InstantWriter {
   const char* extension;
   const char* loss;
   WriteNotes (*write)(const std::string& path, Splats splats, const InstantSetting& setting);
 };
 constexpr InstantWriter kWriters[] = {
+    {".compressed.ply",
+     "a compressed PLY shows one instant, in codes of 8 to 11 bits; clock and placement are not in "
+     "it",
+     write_compressed},
     {".ply", "a 3DGS PLY shows one instant, and states no clock and no placement", write_ply},
     {".glb", "glTF shows one instant; how the scene wants to be drawn is not in it", write_gltf},
     {".spz", "SPZ shows one instant, in steps of 8 bits; clock, origin and scale are not in it",

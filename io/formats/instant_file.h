@@ -8,8 +8,8 @@
 
 namespace l4d::io {
 
-// Extensions of the formats that hold the 3D Gaussians of one instant, in lower case: ".ply" for
-// 3DGS first.
+// Extensions of the formats that hold the 3D Gaussians of one instant, in lower case, the longer of
+// two that end alike first.
 std::vector<std::string> instant_extensions();
 
 // What the format of this extension never holds of a scene: "glTF shows one instant; ...".

@@ -16,5 +16,6 @@ Scene read_ksplat(InputFile file, const ImportOptions& options);
 Scene read_4dgs(InputFile file, const ImportOptions& options);
 Scene read_splatv(InputFile file, const ImportOptions& options);
 Scene read_splat(InputFile file, const ImportOptions& options);
+Scene read_gltf(InputFile file, const ImportOptions& options);
 
 }  // namespace l4d::io

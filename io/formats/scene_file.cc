@@ -20,10 +20,10 @@ struct KnownReader {
   const char* extension;  // as foreign_file.h names the kind
   Reader read;
 };
-constexpr KnownReader kReaders[] = {{".safetensors", read_raw}, {".spz", read_spz},
-                                    {".sog", read_sog},         {".splat", read_splat},
-                                    {".ksplat", read_ksplat},   {".4dgs", read_4dgs},
-                                    {".splatv", read_splatv}};
+constexpr KnownReader kReaders[] = {
+    {".safetensors", read_raw}, {".spz", read_spz},       {".sog", read_sog},
+    {".splat", read_splat},     {".ksplat", read_ksplat}, {".4dgs", read_4dgs},
+    {".splatv", read_splatv},   {".glb", read_gltf},      {".gltf", read_gltf}};
 
 // Whose columns are for logits and logarithms.
 constexpr const char* kTakesActivated[] = {"3dgs_ply", "ftgs_ply", "stg_ply", "rt4dgs_ply"};

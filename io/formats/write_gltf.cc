@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/file/file.h"
+#include "io/formats/gltf_document.h"
 #include "io/formats/instant.h"
 #include "io/scene/shape3.h"
 
@@ -18,7 +19,6 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr uint32_t kFloat = 5126, kPoints = 0, kArrayBuffer = 34962;
-constexpr const char* kExtension = "KHR_gaussian_splatting";
 
 // One attribute: `numbers` of each splat.
 struct GltfColumn {
@@ -36,7 +36,7 @@ void point_color(const Splats& splats, bool is_linear, size_t i, float* out) {
 
 std::vector<GltfColumn> columns_of(const Splats& splats, const std::vector<Shape3>& shapes,
                                    bool is_linear) {
-  const std::string prefix = std::string(kExtension) + ":";
+  const std::string prefix = std::string(kGltfSplats) + ":";
   std::vector<GltfColumn> columns = {
       {"POSITION", "VEC3", 3,
        [&](size_t i, float* out) { std::copy_n(&splats.position[3 * i], 3, out); }},
@@ -111,9 +111,9 @@ Json document_of(const Splats& splats, const std::vector<GltfColumn>& columns,
   const Json extension = {{"kernel", "ellipse"},
                           {"colorSpace", is_linear ? "lin_rec709_display" : "srgb_rec709_display"}};
   const Json primitive = {
-      {"mode", kPoints}, {"attributes", attributes}, {"extensions", {{kExtension, extension}}}};
+      {"mode", kPoints}, {"attributes", attributes}, {"extensions", {{kGltfSplats, extension}}}};
   return {{"asset", {{"version", "2.0"}, {"generator", "l4dcodec"}}},
-          {"extensionsUsed", Json::array({kExtension})},
+          {"extensionsUsed", Json::array({kGltfSplats})},
           {"scene", 0},
           {"scenes", Json::array({{{"nodes", Json::array({0})}}})},
           {"nodes", Json::array({node_of(placement)})},

@@ -5,22 +5,13 @@
 #include <array>
 #include <cmath>
 
+#include "io/ply/compressed_ply.h"
 #include "io/ply/read_ply.h"
 #include "io/ply/static_scene.h"
 #include "libl4dcodec/scene/sh.h"
 
 namespace l4d::io {
 namespace {
-
-constexpr uint64_t kChunk = 256;
-// Ranges of a chunk: least x y z, largest x y z of positions, of scales, and of colours.
-constexpr size_t kPosition = 0, kScale = 6, kColor = 12, kRanges = 18;
-constexpr const char* kRangeNames[kRanges] = {
-    "min_x",       "min_y",       "min_z",       "max_x",       "max_y",       "max_z",
-    "min_scale_x", "min_scale_y", "min_scale_z", "max_scale_x", "max_scale_y", "max_scale_z",
-    "min_r",       "min_g",       "min_b",       "max_r",       "max_g",       "max_b"};
-constexpr const char* kPackedNames[4] = {"packed_position", "packed_rotation", "packed_scale",
-                                         "packed_color"};
 
 // The `bits` from `shift` on as a fraction of what they hold at most.
 double fraction(uint32_t value, unsigned shift, unsigned bits) {
@@ -78,7 +69,7 @@ struct Packed {
 std::vector<PlyColumn> columns_of_chunks(const PlyReader& reader, Packed* packed) {
   std::vector<PlyColumn> columns;
   packed->has_colors = reader.element().has("min_r");
-  for (size_t k = 0; k < (packed->has_colors ? kRanges : kColor); ++k) {
+  for (size_t k = 0; k < (packed->has_colors ? kRanges : kColorRange); ++k) {
     columns.push_back({require(reader, kRangeNames[k], PlyType::kFloat32), packed->ranges.data(),
                        nullptr, k, kRanges});
   }
@@ -145,17 +136,17 @@ void check_ranges(const PlyReader& reader, const Packed& packed) {
 void unpack(const Packed& packed, StaticRows* rows) {
   const size_t numbers = size_t{3} * (rows->sh_degree + 1) * (rows->sh_degree + 1);
   for (size_t i = 0; i < rows->opacity.size(); ++i) {
-    const float* ranges = &packed.ranges[kRanges * (i / kChunk)];
+    const float* ranges = &packed.ranges[kRanges * (i / kPlyChunk)];
     std::array<uint32_t, 4> value{};
     for (size_t k = 0; k < 4; ++k) value[k] = static_cast<uint32_t>(packed.values[4 * i + k]);
-    unpack_in_range(value[0], ranges + kPosition, &rows->position[3 * i]);
+    unpack_in_range(value[0], ranges + kPositionRange, &rows->position[3 * i]);
     unpack_rotation(value[1], &rows->rotation[4 * i]);
-    unpack_in_range(value[2], ranges + kScale, &rows->log_scale[3 * i]);
+    unpack_in_range(value[2], ranges + kScaleRange, &rows->log_scale[3 * i]);
     for (unsigned k = 0; k < 3; ++k) {
       double color = fraction(value[3], 24 - 8 * k, 8);
       if (packed.has_colors) {
-        color = static_cast<double>(ranges[kColor + k]) * (1 - color) +
-                static_cast<double>(ranges[kColor + 3 + k]) * color;
+        color = static_cast<double>(ranges[kColorRange + k]) * (1 - color) +
+                static_cast<double>(ranges[kColorRange + 3 + k]) * color;
       }
       rows->sh[numbers * i + k] =
           static_cast<float>((color - 0.5) / static_cast<double>(sh_constant::k0));
@@ -214,7 +205,7 @@ Scene read_compressed_ply(PlyReader& reader, const ImportOptions& options) {
   }
   reader.select("chunk");
   const uint64_t chunks = reader.element().count;
-  if (chunks != (count + kChunk - 1) / kChunk) {
+  if (chunks != (count + kPlyChunk - 1) / kPlyChunk) {
     reader.fail(L4D_ERR_CORRUPT, std::to_string(chunks) + " chunks of 256 for " +
                                      std::to_string(count) + " Gaussians");
   }

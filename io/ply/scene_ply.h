@@ -30,6 +30,11 @@ Scene read_scene_ply(const std::string& path, const ImportOptions& options = {})
 void write_l4d_ply(const std::string& path, const Scene& scene, const Check& check = {});
 // Returns what the file does not have of the scene.
 WriteNotes write_ftgs_ply(const std::string& path, const Scene& scene, const Check& check = {});
+// The columns t, scale_t and motion_0..2, of lines: a scene of SpacetimeGaussians without turning.
+WriteNotes write_stg_ply(const std::string& path, const Scene& scene, const Check& check = {});
+// In an order of its own.
+WriteNotes write_compressed_ply(const std::string& path, const Splats& splats,
+                                const Hold& holder = {}, const Check& check = {});
 // Scales and rotations come from the eigen-decomposition of each covariance, in double.
 void write_3dgs_ply(const std::string& path, const Splats& splats, const Check& check = {});
 

@@ -98,19 +98,19 @@ void write_l4d_rows(const std::string& path, const Scene& scene, const std::vect
   writer.finish();
 }
 
-// Gaussians as FreeTimeGS has them, in its normalised time.
-struct FtgsShapes {
+// Gaussians in space that move along lines and fade, in a time of the file's own.
+struct MovingShapes {
   std::vector<Shape3> shapes;
   std::vector<Vec3> velocities;
-  std::vector<double> durations;
+  std::vector<double> durations;  // standard deviations
   bool moving = false;
-  double shortest = 0.02;  // what the trainer enforces; players raise shorter ones to it
+  double shortest = 0.02;  // what FreeTimeGS enforces; its players raise shorter ones to it
 };
 
 // unit: seconds of its time 1.
-FtgsShapes ftgs_shapes(const Scene& scene, double unit) {
+MovingShapes moving_shapes(const Scene& scene, double unit) {
   const size_t count = scene.count();
-  FtgsShapes out;
+  MovingShapes out;
   out.shapes.resize(count);
   out.velocities.assign(count, Vec3{0, 0, 0});
   out.durations.resize(count);
@@ -141,6 +141,66 @@ FtgsShapes ftgs_shapes(const Scene& scene, double unit) {
   return out;
 }
 
+// The scene with positions at mean times and logits.
+Scene moving_scene(const Scene& source, const std::string& path, const char* format) {
+  if (!source.window.empty()) {
+    throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
+                path + ": " + format + " has no flat windows; .ply and .4dgs have");
+  }
+  require_valid(source, path);
+  Scene scene = source;
+  positions_to_mean_time(scene);
+  opacity_to_logit(scene);
+  return scene;
+}
+
+// The columns of a 3DGS PLY, and those of time, rate and velocity behind it.
+std::vector<std::string> moving_names(size_t coefficients, const char* time, const char* width,
+                                      const char* velocity) {
+  std::vector<std::string> names = {"x", "y", "z", "nx", "ny", "nz"};
+  append_indexed(names, "f_dc_", 3);
+  append_indexed(names, "f_rest_", 3 * (coefficients - 1));
+  names.push_back("opacity");
+  append_indexed(names, "scale_", 3);
+  append_indexed(names, "rot_", 4);
+  names.push_back(time);
+  names.push_back(width);
+  append_indexed(names, velocity, 3);
+  return names;
+}
+
+// unit: seconds of its time 1; begin: its time 0.
+void write_moving_rows(PlyWriter* writer, const Scene& scene, const MovingShapes& found,
+                       double begin, double unit) {
+  const size_t coefficients = scene.sh_coefficients();
+  for (size_t i = 0; i < scene.count(); ++i) {
+    float* out = writer->next_row();
+    out = std::copy_n(&scene.position[3 * i], 3, out);
+    out = std::fill_n(out, 3, 0.0F);
+    const float* sh = &scene.sh[3 * coefficients * i];
+    out = put_sh_rest(sh, coefficients, std::copy_n(sh, 3, out));
+    *out++ = scene.opacity[i];
+    for (double s : found.shapes[i].scale) *out++ = static_cast<float>(std::log(s));
+    for (double q : found.shapes[i].wxyz) *out++ = static_cast<float>(q);
+    *out++ = static_cast<float>((scene.mean_time(i) - begin) / unit);
+    *out++ = static_cast<float>(std::log(found.durations[i]));
+    for (double v : found.velocities[i]) *out++ = static_cast<float>(v);
+  }
+  writer->finish();
+}
+
+// What readers of such a file do not learn of the clock.
+WriteNotes lost_clock(const char* format, const l4d_timeline& timeline) {
+  // Without a rate, readers take 30 frames a second.
+  std::vector<std::string> lost = begin_statements(timeline);
+  if (timeline.fps_num != 30 * uint64_t{timeline.fps_den}) {
+    lost.push_back(clock_statements(timeline).back());
+  }
+  WriteNotes notes;
+  note_lost_statements(format, lost, &notes);
+  return notes;
+}
+
 }  // namespace
 
 void write_l4d_ply(const std::string& path, const Scene& scene, const Check& check) {
@@ -155,21 +215,11 @@ void write_l4d_ply(const std::string& path, const Scene& scene, const Check& che
 }
 
 WriteNotes write_ftgs_ply(const std::string& path, const Scene& source, const Check& check) {
-  if (!source.window.empty()) {
-    throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
-                path + ": ftgs_ply has no flat windows; .ply and .4dgs have");
-  }
-  require_valid(source, path);
-  Scene scene = source;
-  positions_to_mean_time(scene);
-  opacity_to_logit(scene);
+  const Scene scene = moving_scene(source, path, "ftgs_ply");
   const l4d_timeline& timeline = scene.timeline;
   const double unit = static_cast<double>(std::max(timeline.num_frames, 2U) - 1) *
                       timeline.fps_den / timeline.fps_num;  // seconds
-  const size_t count = scene.count();
-  const size_t coefficients = scene.sh_coefficients();
-
-  const FtgsShapes found = ftgs_shapes(scene, unit);
+  const MovingShapes found = moving_shapes(scene, unit);
   std::vector<std::string> comments = {
       "ftgs_version 1", "time_units normalized", "sh_degree " + std::to_string(scene.sh_degree),
       std::string("use_velocity ") + (found.moving ? "1" : "0"),
@@ -177,38 +227,40 @@ WriteNotes write_ftgs_ply(const std::string& path, const Scene& source, const Ch
       "min_duration " + text_of_number(found.shortest * 0.999), "opacity_floor 0",
       "n_frames " + std::to_string(timeline.num_frames)};
   append_placement(scene, comments);
-  std::vector<std::string> names = {"x", "y", "z", "nx", "ny", "nz"};
-  append_indexed(names, "f_dc_", 3);
-  append_indexed(names, "f_rest_", 3 * (coefficients - 1));
-  names.push_back("opacity");
-  append_indexed(names, "scale_", 3);
-  append_indexed(names, "rot_", 4);
-  names.push_back("time");
-  names.push_back("log_duration");
-  append_indexed(names, "velocity_", 3);
+  PlyWriter writer(path, comments, scene.count(),
+                   moving_names(scene.sh_coefficients(), "time", "log_duration", "velocity_"),
+                   check);
+  write_moving_rows(&writer, scene, found, timeline.time_begin, unit);
+  return lost_clock("FreeTimeGS", timeline);
+}
 
-  PlyWriter writer(path, comments, count, names, check);
-  for (size_t i = 0; i < count; ++i) {
-    float* out = writer.next_row();
-    out = std::copy_n(&scene.position[3 * i], 3, out);
-    out = std::fill_n(out, 3, 0.0F);
-    const float* sh = &scene.sh[3 * coefficients * i];
-    out = put_sh_rest(sh, coefficients, std::copy_n(sh, 3, out));
-    *out++ = scene.opacity[i];
-    for (double s : found.shapes[i].scale) *out++ = static_cast<float>(std::log(s));
-    for (double q : found.shapes[i].wxyz) *out++ = static_cast<float>(q);
-    *out++ = static_cast<float>((scene.mean_time(i) - timeline.time_begin) / unit);
-    *out++ = static_cast<float>(std::log(found.durations[i]));
-    for (double v : found.velocities[i]) *out++ = static_cast<float>(v);
+WriteNotes write_stg_ply(const std::string& path, const Scene& source, const Check& check) {
+  const Scene scene = moving_scene(source, path, "stg_ply");
+  const l4d_timeline& timeline = scene.timeline;
+  // Readers take times for parts of the sequence where all of them can be, else for seconds.
+  const double whole = duration(timeline);
+  bool are_parts = true, look_like_parts = true;
+  for (size_t i = 0; i < scene.count(); ++i) {
+    const double seconds = scene.mean_time(i) - timeline.time_begin;
+    are_parts = are_parts && seconds >= 0 && seconds <= whole;
+    look_like_parts = look_like_parts && seconds >= 0 && seconds <= 1;
   }
-  writer.finish();
-  // Without a rate, readers take 30 frames a second.
-  std::vector<std::string> lost = begin_statements(timeline);
-  if (timeline.fps_num != 30 * uint64_t{timeline.fps_den}) {
-    lost.push_back(clock_statements(timeline).back());
+  if (!are_parts && look_like_parts) {
+    throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
+                path +
+                    ": mean times lie behind the end of a sequence of less than a second, which "
+                    "a PLY with t and scale_t cannot say");
   }
-  WriteNotes notes;
-  note_lost_statements("FreeTimeGS", lost, &notes);
+  const double unit = are_parts ? whole : 1;
+  std::vector<std::string> comments;
+  append_placement(scene, comments);
+  PlyWriter writer(path, comments, scene.count(),
+                   moving_names(scene.sh_coefficients(), "t", "scale_t", "motion_"), check);
+  write_moving_rows(&writer, scene, moving_shapes(scene, unit), timeline.time_begin, unit);
+  WriteNotes notes = lost_clock("a PLY with t and scale_t", timeline);
+  notes.emplace("a PLY with t and scale_t does not state how long the sequence lasts: " +
+                    text_of_number(whole) + " s (--seconds)",
+                0);
   return notes;
 }
 

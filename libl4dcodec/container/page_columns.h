@@ -3,8 +3,8 @@
 #pragma once
 
 #include "libl4dcodec/base/ordered.h"
-#include "libl4dcodec/container/morton.h"
 #include "libl4dcodec/container/page.h"
+#include "libl4dcodec/scene/morton.h"
 
 namespace l4d {
 

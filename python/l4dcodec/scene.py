@@ -132,9 +132,10 @@ class Scene:
 
     def write(self, path: Path, format: Optional[str] = None, *, time: Optional[float] = None) -> List[str]:
         """Writes the scene in the format that the name says, as `l4dcodec convert` does: .l4d; .ply, with all
-        attributes; .ftgs.ply, as FreeTimeGS has it; .4dgs; .safetensors, raw arrays; and what shows the instant `time`,
-        in seconds: .spz, .sog, .glb, .usda, and .ply (3DGS). A static scene needs no `time`. format: "l4d", "ftgs",
-        "4dgs" or "raw", for a file of any name. Ctrl-C ends it and leaves what was there before.
+        attributes; .ftgs.ply, as FreeTimeGS has it; .stg.ply, with t, scale_t and motion; .4dgs; .safetensors, raw
+        arrays; and what shows the instant `time`, in seconds: .compressed.ply, .spz, .sog, .glb, .usda, and .ply (3DGS). A
+        static scene needs no `time`. format: "l4d", "ftgs", "stg", "4dgs" or "raw", for a file of any name. Ctrl-C ends it
+        and leaves what was there before.
 
         Returns what the file does not have of the scene, a sentence each.
         """
@@ -144,8 +145,6 @@ class Scene:
             given.choice("format", format, FORMATS)
         if time is not None:
             given.number("time", time)
-        if format is None and name.endswith(".compressed.ply"):
-            raise ArgumentError(f"{path}: compressed PLYs are read and not written")
         if format is None and not name.endswith((".l4d", *WHOLE, *INSTANTS)):
             raise ArgumentError(f"`path` is {os.fspath(path)!r}; it must end in .l4d, "
                                 f"{', '.join([*WHOLE, *INSTANTS])}, or `format` says what it is")
@@ -155,7 +154,8 @@ class Scene:
             return []
         if format is None:
             format = next((WHOLE[end] for end in WHOLE if name.endswith(end)), None)
-        if format is None and name.endswith(".ply") and time is None and not self.is_static:
+        is_plain = name.endswith(".ply") and not name.endswith(".compressed.ply")
+        if format is None and is_plain and time is None and not self.is_static:
             format = "l4d"
         if format is not None:
             if time is not None:
@@ -220,8 +220,8 @@ class Splats:
         return np.ascontiguousarray(self.covariance[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]).reshape(-1, 3, 3)
 
     def write(self, path: Path) -> List[str]:
-        """Writes the splats in the format that the name says: .ply (3DGS), .spz, .sog, .glb or .usda, as `l4dcodec
-        slice` does. It needs covariance and sh, and numbers that all formats hold: finite ones, opacities from 0 to 1,
+        """Writes the splats in the format that the name says: .ply (3DGS), .compressed.ply, .spz, .sog, .glb or .usda, as
+        `l4dcodec slice` does. It needs covariance and sh, and numbers that all formats hold: finite ones, opacities from 0 to 1,
         and no negative variances. Returns what the file does not have of them, a sentence each."""
         path_bytes(path)  # refuses what is none
         if self.covariance is None or self.sh is None:
@@ -233,7 +233,8 @@ class Splats:
             _check_splats(name, array)
         c = struct("splat_buffers", capacity=n, count=n)
         c.position, c.covariance, c.opacity, c.sh = [pointer(a) for a in arrays]
-        extension = os.path.splitext(os.fsdecode(path))[1].lower()
+        name = os.fsdecode(path).lower()
+        extension = ".compressed.ply" if name.endswith(".compressed.ply") else os.path.splitext(name)[1]
         return _written(functools.partial(lib.l4dpy_write_splats, c, degree, _stated(self), c_string(extension, "path"),
                                           path_bytes(path)))
 
@@ -256,10 +257,10 @@ def _seconds(time: float) -> str:
     return f"{time + 0.0:.6g}" if abs(time) < 1000 or abs(time) >= 1e12 else f"{time:.3f}"
 
 
-FORMATS = ("l4d", "ftgs", "4dgs", "raw")
-WHOLE = {".ftgs.ply": "ftgs", ".4dgs": "4dgs", ".safetensors": "raw"}
+FORMATS = ("l4d", "ftgs", "stg", "4dgs", "raw")
+WHOLE = {".ftgs.ply": "ftgs", ".stg.ply": "stg", ".4dgs": "4dgs", ".safetensors": "raw"}
 """Endings of files with all of a scene, and what is written."""
-INSTANTS = (".ply", ".spz", ".sog", ".glb", ".usda")
+INSTANTS = (".compressed.ply", ".ply", ".spz", ".sog", ".glb", ".usda")
 
 
 def _written(write: Callable[[Any, Any, int], int]) -> List[str]:

@@ -20,9 +20,28 @@ expect 0 info rows.safetensors
 expect_text err 'a lossless encoding of the scene'
 expect 0 convert s.l4d s.ftgs.ply
 expect_text s.ftgs.ply ftgs_version
+# The same, with t, scale_t and motion.
+expect_document 0 convert s.l4d s.stg.ply
+expect_json out 'any("how long" in n for n in d["notes"])'
+expect_document 0 info s.stg.ply --seconds 2
+expect_json out 'd["source"] == "stg_ply" and d["num_gaussians"] == 300'
+for time in 0.3 1.5; do
+  expect 0 slice s.l4d --time $time -o a.ply --force
+  expect 0 slice s.stg.ply --seconds 2 --time $time -o b.ply --force
+  "$PYTHON" "$ROOT/tests/cli/splats_close.py" a.ply b.ply position=2e-5 covariance=1e-3 color=1e-6 opacity=1e-4 sh=0
+done
 expect 0 convert s.l4d moment.ply --time 1
 expect 0 slice s.l4d --time 1 -o slice.ply
 cmp moment.ply slice.ply
+
+# Codes of 8 to 11 bits in ranges of 256 Gaussians.
+expect_document 0 convert s.l4d moment.compressed.ply --time 1
+expect_json out 'any("one instant" in n for n in d["notes"])'
+expect_document 0 convert moment.compressed.ply packed.ply
+expect_json out 'd["source"] == "compressed_ply"'
+"$PYTHON" "$ROOT/tests/cli/splats_close.py" moment.ply packed.ply position=0.02 covariance=0.05 color=0.02 opacity=0.003 sh=0.05
+expect 0 slice s.l4d --time 1 -o slice.compressed.ply
+cmp moment.compressed.ply slice.compressed.ply
 
 # A static scene stays one that other tools read.
 expect_document 0 convert moment.ply static.ply
@@ -95,6 +114,8 @@ for i, row in enumerate(rows):
     assert near(columns["COLOR_0"][i][3], o)
 PY
 "$PYTHON" check.py moment.glb moment.ply
+expect 0 convert moment.glb again.ply
+"$PYTHON" "$ROOT/tests/cli/splats_close.py" moment.ply again.ply position=0 covariance=1e-5 color=0 opacity=1e-6 sh=0
 # Axes, origin and scale of the placement go into the node.
 "$PYTHON" - <<'PY'
 lines = open("s.ply", "rb").read().split(b"\n")
@@ -110,6 +131,8 @@ data = open("placed.glb", "rb").read()
 node = json.loads(data[20:20 + int.from_bytes(data[12:16], "little")])["nodes"][0]
 assert node == {"mesh": 0, "rotation": [1, 0, 0, 0], "scale": [2, 2, 2], "translation": [10, -20, -30]}, node
 PY
+expect_document 0 info placed.glb
+expect_json out 'd["placement"]["origin"] == [10, 20, 30] and d["placement"]["scale"] == 2'
 
 # USD: the numbers of the PLY of the same instant, and the placement as a transform.
 expect_document 0 convert s.l4d moment.usda --time 1
@@ -362,10 +385,11 @@ expect_text err "shows one instant: --time"
 expect 2 convert s.l4d x.spz
 expect_text err 'shows one instant: --time'
 expect 2 convert s.l4d x.splat
-expect_text err '.l4d, .ply, .ftgs.ply, .4dgs, .safetensors, .spz, .sog, .glb or .usda'
+expect_text err '.safetensors, .compressed.ply, .spz, .sog, .glb or .usda'
 expect 2 convert s.l4d x.compressed.ply
+expect_text err 'shows one instant: --time'
 expect 2 convert s.l4d x_%d.l4d
-expect_text err 'frames are .ply, .spz, .sog, .glb or .usda'
+expect_text err 'frames are .ply, .compressed.ply, .spz, .sog, .glb or .usda'
 expect 2 convert s.l4d x_%d.spz --time 1
 expect 2 convert s.l4d x
 expect 2 convert s.l4d x.l4d --time 1

@@ -55,8 +55,9 @@ zip a.pt archive/data.pkl
 named a.pt 'a PyTorch checkpoint, '
 zip other notes.txt
 named other 'a ZIP archive, '
-printf 'glTF%060d' 0 > a.glb
-named a.glb 'a glTF file, '
+echo '{"asset": {"version": "2.0"}}' > a.gltf
+expect 5 info a.gltf
+expect_text err 'a.gltf: there are no splats in it'
 head -c 100 /dev/zero > junk.glb
 named junk.glb 'not a glTF file, although its name says so'
 printf '\x93NUMPY%060d' 0 > a.l4d
@@ -77,8 +78,8 @@ named numbers.sog 'a SPLAT file by its numbers, .*a name that ends in .splat'
 printf 'version https://git-lfs.github.com/spec/v1\n%060d' 0 > pointer.ply
 named pointer.ply 'a pointer of Git LFS .*git lfs pull'
 "$PYTHON" -c 'import struct; open("s.safetensors", "wb").write(struct.pack("<Q", 8) + b"{\"a\":{} }"[:8])'
-l4d info - < a.glb > out 2> err && die 'a glTF file was taken from stdin'
-expect_text err 'stdin: this is a glTF file'
+l4d info - < a.png > out 2> err && die 'an image was taken from stdin'
+expect_text err 'stdin: this is an image'
 
 # What nothing is known of.
 printf '%064d' 0 > zeros
@@ -95,13 +96,13 @@ expect 4 validate zeros
 expect_text out 'FILE-1'
 
 # Names of formats that are not written.
-for name in x.splat x.ksplat x.splatv x.usdc x.npz x.compressed.ply x.safetensors x.L4D; do
+for name in x.splat x.ksplat x.splatv x.usdc x.npz x.safetensors x.L4D; do
   expect 2 slice s.l4d --time 0 -o $name
   expect_text err "'$name' ends in"
   expect 2 decode s.l4d -o $name
 done
 expect 2 slice s.l4d --time 0 -o x.4dgs
-for name in x.spz x.sog x.glb x.usda; do
+for name in x.spz x.sog x.glb x.usda x.compressed.ply; do
   expect 2 decode s.l4d -o $name
 done
 for name in x.npz x.ply x.pt x.npy; do

@@ -19,6 +19,11 @@ expect_document 0 convert m.compressed.ply ours.ply
 expect_json out 'd["source"] == "compressed_ply" and d["num_gaussians"] > 100'
 close theirs.ply ours.ply position=1e-5 covariance=1e-4 color=1e-6 opacity=1e-6 sh=1e-6
 close moment.ply ours.ply position=0.02 covariance=0.05 color=0.02 opacity=0.003 sh=10
+expect 0 convert moment.ply w.compressed.ply
+transform w.compressed.ply their_w.ply
+expect 0 convert w.compressed.ply ours_w.ply
+close their_w.ply ours_w.ply position=1e-5 covariance=1e-4 color=1e-6 opacity=1e-6 sh=1e-6
+close moment.ply their_w.ply position=0.02 covariance=0.05 color=0.02 opacity=0.003 sh=0.05
 
 # SPZ 4: a 16th of a logarithm for scales, 9 bits and a sign for rotations, 8 bits for the rest; that tool keeps 5 and 4
 # bits of harmonics, and reads and writes axes as they are.

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "libl4dcodec/base/ordered.h"
-#include "libl4dcodec/container/morton.h"
 #include "libl4dcodec/container/page.h"
+#include "libl4dcodec/scene/morton.h"
 #include "tests/common/headers.h"
 #include "tests/common/random.h"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scenes of other formats than PLY: SPZ, SOG, .splatv and .4dgs by their first bytes, else .splat
-// where the length allows it, else KSPLAT.
+// Scenes of other formats than PLY: SPZ, SOG, glTF, .splatv and .4dgs by their first bytes, else
+// .splat where the length allows it, else KSPLAT.
 #include <cstdlib>
 #include <cstring>
 #include <string>
@@ -22,6 +22,8 @@ std::string name_for(const uint8_t* data, size_t size) {
   if (begins(data, size, "NGSP") || begins(data, size, "\x1f\x8b")) return "a.spz";
   if (begins(data, size, "PK")) return "a.sog";
   if (begins(data, size, "Kg")) return "a.splatv";
+  if (begins(data, size, "glTF")) return "a.glb";
+  if (begins(data, size, "{")) return "a.gltf";
   if (begins(data, size,
              "\x89"
              "4DGS"))

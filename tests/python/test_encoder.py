@@ -142,7 +142,7 @@ def test_errors_say_what_is_wrong(tmp_path: pathlib.Path) -> None:
         assert caught.value.status == l4d.Status.INVALID_ARGUMENT
     with pytest.raises(l4d.Error, match="nowhere"):
         l4d.encode(good, tmp_path / "nowhere" / "a.l4d")
-    with pytest.raises(l4d.Error, match="`format` is 'obj'; it must be one of l4d, ftgs, 4dgs, raw"):
+    with pytest.raises(l4d.Error, match="`format` is 'obj'; it must be one of l4d, ftgs, stg, 4dgs, raw"):
         good.write(tmp_path / "a.ply", "obj")
     with pytest.raises(l4d.Error, match="by its path"):
         l4d.read(b"ply\nformat ascii 1.0\n")
