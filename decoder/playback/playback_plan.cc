@@ -342,8 +342,10 @@ void Playback::find_wake_at() {
     next = std::min(next, clock_.when(stop));
     if (!link_.requests().empty()) next = std::min(next, now_ + kChoiceSeconds);
   }
-  // Also where nothing is under way: with what has come, another rung may be wanted.
-  const bool may_rise = has_begun_ && choice_.rung + 1 < rate_.num_rungs();
+  // Also where nothing is under way: with what has come, another rung may be wanted. While the
+  // path has other rungs than the choice is of, as before a member is open, there is none.
+  const bool may_rise = has_begun_ && planner_.num_rungs() == rate_.num_rungs() &&
+                        choice_.rung + 1 < rate_.num_rungs();
   if (choice_is_old_ && may_rise && quality_.fixed == 0 && reader_.read_at == nullptr) {
     next = std::min(next, chosen_at_ + kChoiceSeconds);
   }
