@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <cctype>
-#include <filesystem>
 #include <utility>
 
 #include "cli/command/progress.h"
 #include "cli/text/units.h"
 #include "io/formats/write_4dgs.h"
+#include "io/ply/scene_ply.h"
 
 namespace l4d::cli {
 
@@ -22,15 +22,16 @@ io::Splats take_splats(SplatArrays arrays) {
   return splats;
 }
 
+bool ends_in(const std::string& name, const std::string& ending) {
+  return name.size() >= ending.size() &&
+         std::equal(ending.rbegin(), ending.rend(), name.rbegin(), [](char end, char c) {
+           return std::tolower(static_cast<unsigned char>(c)) == end;
+         });
+}
+
 std::string instant_extension(const std::string& name) {
-  std::string lower = name;
-  std::transform(lower.begin(), lower.end(), lower.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   for (const std::string& known : io::instant_extensions()) {
-    if (lower.size() > known.size() &&
-        lower.compare(lower.size() - known.size(), known.size(), known) == 0) {
-      return known;
-    }
+    if (ends_in(name, known)) return known;
   }
   return "";
 }
@@ -43,6 +44,13 @@ void print_notes(Context& context, const io::WriteNotes& notes) {
   for (const auto& [text, count] : notes) {
     context.note(count == 0 ? text : format_count(count) + " " + text);
   }
+}
+
+void write_moving(Context& context, const std::string& path, const io::Scene& scene,
+                  io::WriteNotes (*write)(const std::string&, const io::Scene&, const io::Check&)) {
+  const auto memory =
+      io::hold(context.budget().holder(), io::bytes_to_write_moving(scene), "the output as PLY");
+  print_notes(context, write(path, scene, check_interrupt));
 }
 
 void write_births(Context& context, const std::string& path, const io::Scene& scene) {

@@ -36,6 +36,9 @@ void note_unused(Context& context, const Input& input, const ImportArguments& ar
 io::Scene import_scene(Context& context, const Input& input, const ImportArguments& arguments) {
   io::ImportOptions options = parse(arguments);
   options.holder = context.budget().holder();
+  options.reads = [&](const std::string& path) {
+    context.files.keep(path, "a file that the input names");
+  };
   io::Scene scene;
   {
     Progress progress(context, "read");

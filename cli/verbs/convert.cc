@@ -49,15 +49,8 @@ constexpr Written kWritten[] = {{".ftgs.ply", Target::kFreeTime},
                                 {".safetensors", Target::kArrays}};
 
 Target target_of(const std::string& name) {
-  std::string lower = name;
-  std::transform(lower.begin(), lower.end(), lower.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  const auto ends_in = [&](const std::string& end) {
-    return lower.size() >= end.size() &&
-           lower.compare(lower.size() - end.size(), end.size(), end) == 0;
-  };
   for (const Written& written : kWritten) {
-    if (ends_in(written.ending)) return written.target;
+    if (ends_in(name, written.ending)) return written.target;
   }
   if (!instant_extension(name).empty()) return Target::kInstant;
   throw usage_error(
@@ -143,9 +136,9 @@ void write(Context& context, const ConvertArguments& arguments, const io::Scene&
     case Target::kStream:
       return write_stream(context, arguments, scene, output);
     case Target::kFreeTime:
-      return print_notes(context, io::write_ftgs_ply(output.path(), scene, check_interrupt));
+      return write_moving(context, output.path(), scene, io::write_ftgs_ply);
     case Target::kSpacetime:
-      return print_notes(context, io::write_stg_ply(output.path(), scene, check_interrupt));
+      return write_moving(context, output.path(), scene, io::write_stg_ply);
     case Target::kBirths:
       return write_births(context, output.path(), scene);
     case Target::kArrays:

@@ -189,7 +189,7 @@ Outcome run_decode(Context& context, const DecodeArguments& arguments) {
     check_interrupt();
     progress.step("writing");
     if (target == "ftgs") {
-      print_notes(context, io::write_ftgs_ply(output.path(), loaded.scene, check_interrupt));
+      write_moving(context, output.path(), loaded.scene, io::write_ftgs_ply);
     } else if (target == "4dgs") {
       write_births(context, output.path(), loaded.scene);
     } else {

@@ -121,7 +121,7 @@ void Playback::add_chunk_events() {
 void Playback::set_motion(uint32_t motion) {
   if (clock_.motion == motion) return;
   clock_.motion = motion;
-  is_starved_ = false;
+  rebuffers_ = false;
   add_event(L4D_EVENT_MOTION, 0, L4D_CAUSE_NONE, motion);
 }
 
@@ -151,7 +151,7 @@ void Playback::lower_rung_or_wait() {
   }
   if (path_.grows() && at.direction > 0 && at.time >= path_.end()) live_.add_starvation(now_);
   clock_.wait();
-  is_starved_ = true;
+  rebuffers_ = true;
   add_event(L4D_EVENT_MOTION, 0, L4D_CAUSE_NONE, L4D_MOTION_WAITING);
 }
 

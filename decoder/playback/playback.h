@@ -218,7 +218,7 @@ class Playback {
   uint32_t list_errors_ = 0, passed_over_ = 0;
   double older_since_ = -1;  // below 0: the last look found no older one
   bool follows_ = true;      // the end of a playlist that grows
-  bool is_starved_ = false;  // it waits for what was to be shown, and has not jumped since
+  bool rebuffers_ = false;   // it waits for what was to be shown, and has not jumped since
   uint32_t live_state_ = L4D_LIVE_NONE;
 
   std::vector<l4d_playback_item> queue_;

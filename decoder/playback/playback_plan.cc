@@ -142,8 +142,8 @@ void Playback::resume() {
   live_.set_fed();
   // What a wait has lost, the rate would make good in minutes. On a slow link, the jump needs bytes
   // again: it is the only one of this wait.
-  if (is_starved_ && follows_end() && live_.state(now_, at.time) == L4D_LIVE_BEHIND) {
-    is_starved_ = false;
+  if (rebuffers_ && follows_end() && live_.state(now_, at.time) == L4D_LIVE_BEHIND) {
+    rebuffers_ = false;
     jump_to(clamped(HUGE_VAL));
     return;
   }

@@ -34,8 +34,8 @@ typedef struct l4d_encoder_options {
  * CUDA and no device can be used, FEATURE_UNSUPPORTED if this build lacks the backend. */
 L4D_API l4d_status l4d_encoder_create(const l4d_encoder_options* options, l4d_encoder** out);
 L4D_API void l4d_encoder_destroy(l4d_encoder* encoder); /* accepts NULL */
-/* Registers a callback for the progress of encode calls; NULL removes it. Inside long
- * steps it is called again where `done` has not grown; the last call has done == total. */
+/* Registers a callback for the progress of encode calls; NULL removes it. Calls
+ * inside a long step may repeat `done`; the last call has done == total. */
 L4D_API l4d_status l4d_encoder_set_progress(l4d_encoder* encoder, l4d_progress_fn fn, void* user);
 
 /* ---- parameters ---------------------------------------------------------------------------- */

@@ -19,7 +19,6 @@ using Json = nlohmann::json;
 
 constexpr size_t kHead = 12, kChunkHead = 8;
 constexpr uint32_t kJsonChunk = 0x4e4f534a, kBinaryChunk = 0x004e4942;
-constexpr size_t kMostDepth = 1000;  // of nodes in nodes
 
 struct ComponentType {
   uint32_t id;
@@ -53,30 +52,12 @@ std::vector<uint8_t> decode_base64(const char* text, size_t size) {
   return out;
 }
 
-Matrix3 product(const Matrix3& a, const Matrix3& b) {
-  Matrix3 out{};
-  for (size_t i = 0; i < 3; ++i) {
-    for (size_t j = 0; j < 3; ++j) {
-      for (size_t k = 0; k < 3; ++k) out[3 * i + j] += a[3 * i + k] * b[3 * k + j];
-    }
-  }
-  return out;
-}
-
-Vec3 product(const Matrix3& a, const Vec3& v) {
-  Vec3 out{};
-  for (size_t i = 0; i < 3; ++i) {
-    for (size_t k = 0; k < 3; ++k) out[i] += a[3 * i + k] * v[k];
-  }
-  return out;
-}
-
 }  // namespace
 
-GltfDocument::GltfDocument(InputFile* input, const Hold& holder)
-    : path_(input->path()), holder_(holder) {
+GltfDocument::GltfDocument(InputFile* input, const ImportOptions& options)
+    : path_(input->path()), holder_(options.holder), reads_(options.reads) {
   memory_.emplace_back();
-  file_ = read_counted(input, holder, &memory_.back());
+  file_ = read_counted(input, holder_, &memory_.back());
   const char* text = reinterpret_cast<const char*>(file_.data());
   if (file_.size() < 4 || std::memcmp(text, "glTF", 4) != 0) {
     parse(text, file_.size());
@@ -106,7 +87,7 @@ GltfDocument::GltfDocument(InputFile* input, const Hold& holder)
 
 uint64_t GltfDocument::bytes() const {
   uint64_t sum = file_.size();
-  for (const std::vector<uint8_t>& buffer : own_) sum += buffer.size();
+  for (const auto& [uri, buffer] : own_) sum += buffer.size();
   return sum;
 }
 
@@ -141,13 +122,11 @@ void GltfDocument::read_buffers() {
   const auto buffers = root_.find("buffers");
   if (buffers == root_.end()) return;
   if (!buffers->is_array()) fail("buffers is no array");
-  own_.reserve(buffers->size());
   for (const Json& buffer : *buffers) {
     const auto uri = buffer.find("uri");
     if (!buffer.is_object() || (uri != buffer.end() && !uri->is_string())) fail("a buffer is none");
     if (uri != buffer.end()) {
-      own_.push_back(buffer_of(uri->get_ref<const std::string&>()));
-      buffers_.push_back({own_.back().data(), own_.back().size()});
+      buffers_.push_back(buffer_of(uri->get_ref<const std::string&>()));
     } else if (buffers_.empty()) {
       buffers_.push_back(binary_);
     } else {
@@ -160,22 +139,29 @@ void GltfDocument::read_buffers() {
 }
 
 // A data URI, or a file beside this one: what comes from anywhere names no others.
-std::vector<uint8_t> GltfDocument::buffer_of(const std::string& uri) {
-  if (uri.rfind("data:", 0) == 0) {
-    const size_t comma = uri.find(";base64,");
-    if (comma == std::string::npos) fail("a buffer in a data URI is not in base64");
-    const size_t begin = comma + std::strlen(";base64,");
-    memory_.push_back(hold(holder_, uri.size(), path_ + ": a buffer"));
-    std::vector<uint8_t> bytes = decode_base64(uri.data() + begin, uri.size() - begin);
-    if (bytes.empty() && begin < uri.size()) fail("a buffer is no base64");
-    return bytes;
-  }
-  if (std::filesystem::path(uri).filename() != uri) {
-    fail("it names " + uri + ", which is not beside it");
-  }
-  InputFile file((std::filesystem::path(path_).parent_path() / uri).string(), holder_);
+GltfDocument::Span GltfDocument::buffer_of(const std::string& uri) {
+  const auto [found, is_new] = own_.try_emplace(uri);
+  std::vector<uint8_t>& bytes = found->second;
+  if (!is_new) return {bytes.data(), bytes.size()};
   memory_.emplace_back();
-  return read_counted(&file, holder_, &memory_.back());
+  if (uri.rfind("data:", 0) == 0) {
+    constexpr const char* kBase64 = ";base64,";
+    const size_t at = uri.find(kBase64);
+    if (at == std::string::npos) fail("a buffer in a data URI is not in base64");
+    const size_t begin = at + std::strlen(kBase64);
+    memory_.back() = hold(holder_, 2 * uri.size(), path_ + ": a buffer");  // and the URI again
+    bytes = decode_base64(uri.data() + begin, uri.size() - begin);
+    if (bytes.empty() && begin < uri.size()) fail("a buffer is no base64");
+  } else {
+    if (std::filesystem::path(uri).filename() != uri) {
+      fail("it names " + uri + ", which is not beside it");
+    }
+    const std::string path = (std::filesystem::path(path_).parent_path() / uri).string();
+    reads_(path);
+    InputFile file(path, holder_);
+    bytes = read_counted(&file, holder_, &memory_.back());
+  }
+  return {bytes.data(), bytes.size()};
 }
 
 GltfDocument::Span GltfDocument::view(const Json& accessor, uint64_t* stride) const {
@@ -293,18 +279,27 @@ std::vector<GltfPlace> GltfDocument::places() const {
   const auto nodes = root_.find("nodes");
   if (nodes == root_.end() || !nodes->is_array()) return {};
   struct Waiting {
-    Json index;
+    size_t node;
     GltfPlace in;
-    size_t depth;
   };
+  const std::shared_ptr<void> memory =
+      hold(holder_, nodes->size() * (sizeof(Waiting) + sizeof(GltfPlace)), path_ + ": its nodes");
   std::vector<Waiting> waiting;
-  const auto add_all = [&](const Json& list, const GltfPlace& in, size_t depth) {
-    if (!list.is_array() || depth > kMostDepth) fail("nodes in nodes without an end");
-    for (const Json& index : list) waiting.push_back({index, in, depth});
+  std::vector<bool> seen(nodes->size(), false);
+  const auto add = [&](const Json& index, const GltfPlace& in) {
+    entry("nodes", index);
+    const size_t k = index.get<size_t>();
+    if (seen[k]) fail("a node is in two places");
+    seen[k] = true;
+    waiting.push_back({k, in});
+  };
+  const auto add_all = [&](const Json& list, const GltfPlace& in) {
+    if (!list.is_array()) fail("a list of nodes is none");
+    for (const Json& index : list) add(index, in);
   };
   if (root_.contains("scenes")) {
     const Json& scene = entry("scenes", Json(whole(root_, "scene", 0)));
-    if (scene.contains("nodes")) add_all(scene["nodes"], {}, 0);
+    if (scene.contains("nodes")) add_all(scene["nodes"], {});
   } else {
     std::vector<bool> is_child(nodes->size(), false);
     for (const Json& node : *nodes) {
@@ -316,24 +311,20 @@ std::vector<GltfPlace> GltfDocument::places() const {
       }
     }
     for (size_t k = 0; k < nodes->size(); ++k) {
-      if (!is_child[k]) waiting.push_back({Json(k), {}, 0});
+      if (!is_child[k]) add(Json(k), {});
     }
   }
   std::vector<GltfPlace> places;
-  std::vector<bool> seen(nodes->size(), false);
   while (!waiting.empty()) {
-    const Waiting now = std::move(waiting.back());
+    const Waiting now = waiting.back();
     waiting.pop_back();
-    const Json& node = entry("nodes", now.index);
-    const size_t k = now.index.get<size_t>();
-    if (seen[k]) fail("a node is in two places");
-    seen[k] = true;
+    const Json& node = (*nodes)[now.node];
     const GltfPlace own = place_of(*this, node);
     GltfPlace place;
     place.linear = product(now.in.linear, own.linear);
     place.translation = product(now.in.linear, own.translation);
     for (size_t j = 0; j < 3; ++j) place.translation[j] += now.in.translation[j];
-    if (node.contains("children")) add_all(node["children"], place, now.depth + 1);
+    if (node.contains("children")) add_all(node["children"], place);
     if (!node.contains("mesh")) continue;
     entry("meshes", node["mesh"]);
     place.mesh = node["mesh"].get<size_t>();

@@ -3,12 +3,15 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "io/file/file.h"
+#include "io/ply/scene_ply.h"
 #include "io/scene/rotor_math.h"
 
 namespace l4d::io {
@@ -25,7 +28,7 @@ struct GltfPlace {
 class GltfDocument {
  public:
   // A .glb file, or a .gltf with its buffers inside or in files beside it.
-  GltfDocument(InputFile* input, const Hold& holder);
+  GltfDocument(InputFile* input, const ImportOptions& options);
 
   const nlohmann::json& root() const { return root_; }
   const std::string& path() const { return path_; }
@@ -64,16 +67,17 @@ class GltfDocument {
 
   void parse(const char* begin, size_t size);
   void read_buffers();
-  std::vector<uint8_t> buffer_of(const std::string& uri);
+  Span buffer_of(const std::string& uri);
   Span view(const nlohmann::json& accessor, uint64_t* stride) const;
   Elements elements(const nlohmann::json& accessor, size_t width) const;
 
   std::string path_;
   Hold holder_;
+  std::function<void(const std::string&)> reads_;
   std::vector<std::shared_ptr<void>> memory_;
   std::vector<uint8_t> file_;
   nlohmann::json root_;
-  std::vector<std::vector<uint8_t>> own_;  // buffers that are not in the file as they are
+  std::map<std::string, std::vector<uint8_t>> own_;  // buffers by their URI
   std::vector<Span> buffers_;
   Span binary_{nullptr, 0};  // the second chunk of a .glb
 };

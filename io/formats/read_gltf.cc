@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "io/formats/gltf_document.h"
@@ -19,6 +20,7 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr uint32_t kMostDegree = 3;
+constexpr size_t kMostParts = 65536;
 constexpr double kLeastScale = 1.1253517471925912e-7;  // e^-16
 constexpr double kSame = 1e-5;                         // of lengths and angles of axes
 
@@ -91,7 +93,7 @@ struct Part {
 class GltfReader {
  public:
   GltfReader(InputFile* input, const ImportOptions& options)
-      : options_(options), document_(input, options.holder) {}
+      : options_(options), document_(input, options) {}
 
   Scene read() {
     check_extensions();
@@ -100,20 +102,11 @@ class GltfReader {
       throw Error(L4D_ERR_FEATURE_UNSUPPORTED, document_.path() + ": there are no splats in it (" +
                                                    std::string(kGltfSplats) + ")");
     }
-    uint64_t count = 0;
     uint32_t degree = 0;
-    for (const Part& part : parts_) {
-      count += part.count;
-      degree = std::max(degree, part.degree);
-    }
-    // A splat takes 32 bytes at least, and nodes may show it again.
-    if (count > document_.bytes()) {
-      throw Error(L4D_ERR_LIMIT_EXCEEDED,
-                  document_.path() + ": nodes show its splats more than 32 times");
-    }
+    for (const Part& part : parts_) degree = std::max(degree, part.degree);
     std::shared_ptr<void> memory =
-        hold(options_.holder, static_scene_bytes(count, degree), document_.path());
-    rows_ = StaticRows(static_cast<size_t>(count), degree);
+        hold(options_.holder, static_scene_bytes(count_, degree), document_.path());
+    rows_ = StaticRows(static_cast<size_t>(count_), degree);
     choose_placement();
     for (const Part& part : parts_) add(part);
     Scene scene = static_scene(std::move(rows_), "gltf", options_);
@@ -142,16 +135,35 @@ class GltfReader {
     }
   }
 
+  // The parts of each mesh once, and then where nodes show them.
   void find_parts() {
+    std::map<size_t, std::vector<Part>> meshes;
     for (const GltfPlace& place : document_.places()) {
-      const Json& mesh = document_.entry("meshes", Json(place.mesh));
-      const auto primitives = mesh.find("primitives");
-      if (primitives == mesh.end() || !primitives->is_array()) document_.fail("a mesh is empty");
-      for (const Json& primitive : *primitives) add_part(primitive, place);
+      const auto [mesh, is_new] = meshes.try_emplace(place.mesh);
+      if (is_new) mesh->second = parts_of(document_.entry("meshes", Json(place.mesh)));
+      for (Part part : mesh->second) {
+        count_ += part.count;
+        // A splat takes 32 bytes at least, and nodes may show it again.
+        if (count_ > document_.bytes() || parts_.size() == kMostParts) {
+          throw Error(L4D_ERR_LIMIT_EXCEEDED, document_.path() +
+                                                  ": nodes show more splats than the file has "
+                                                  "bytes, or more than 65,536 parts");
+        }
+        part.place = place;
+        parts_.push_back(part);
+      }
     }
   }
 
-  void add_part(const Json& primitive, const GltfPlace& place) {
+  std::vector<Part> parts_of(const Json& mesh) {
+    const auto primitives = mesh.find("primitives");
+    if (primitives == mesh.end() || !primitives->is_array()) document_.fail("a mesh is empty");
+    std::vector<Part> parts;
+    for (const Json& primitive : *primitives) add_part(primitive, &parts);
+    return parts;
+  }
+
+  void add_part(const Json& primitive, std::vector<Part>* parts) {
     const auto extensions = primitive.find("extensions");
     if (!primitive.is_object() || extensions == primitive.end() ||
         !extensions->contains(kGltfSplats)) {
@@ -164,10 +176,10 @@ class GltfReader {
       document_.fail("a primitive of splats has no attributes");
     }
     check_form(extension);
-    Part part{&*attributes, place};
+    Part part{&*attributes, {}};
     part.count = document_.count(accessor(part, "POSITION"), 3);
     while (part.degree < kMostDegree && has_degree(part, part.degree + 1)) ++part.degree;
-    parts_.push_back(part);
+    parts->push_back(part);
   }
 
   // How it is meant to be drawn.
@@ -186,10 +198,11 @@ class GltfReader {
                   document_.path() + ": splats of the kernel " + kernel + " in " + space);
     }
     const uint32_t color_space = is_linear ? L4D_COLOR_LINEAR_SRGB : L4D_COLOR_SRGB;
-    if (!parts_.empty() && color_space != placement_.color_space) {
+    if (has_splats_ && color_space != placement_.color_space) {
       throw Error(L4D_ERR_FEATURE_UNSUPPORTED, document_.path() + ": splats in two colour spaces");
     }
     placement_.color_space = color_space;
+    has_splats_ = true;
   }
 
   static std::string harmonic(uint32_t degree, uint32_t k) {
@@ -252,13 +265,14 @@ class GltfReader {
   void add_positions(const Part& part) {
     std::shared_ptr<void> memory;
     const std::vector<float> position = numbers(part, "POSITION", 3, &memory);
-    const Matrix3& m = part.place.linear;
     for (size_t i = 0; i < part.count; ++i) {
       const float* p = &position[3 * i];
+      const Vec3 own = {static_cast<double>(p[0]), static_cast<double>(p[1]),
+                        static_cast<double>(p[2])};
+      const Vec3 at = product(part.place.linear, own);
       for (size_t k = 0; k < 3; ++k) {
-        double sum = part.place.translation[k];
-        for (size_t j = 0; j < 3; ++j) sum += m[3 * k + j] * static_cast<double>(p[j]);
-        rows_.position[3 * (begin_ + i) + k] = static_cast<float>(sum);
+        rows_.position[3 * (begin_ + i) + k] =
+            static_cast<float>(at[k] + part.place.translation[k]);
       }
     }
   }
@@ -269,21 +283,14 @@ class GltfReader {
     const std::vector<float> xyzw = numbers(part, prefix + "ROTATION", 4, &memory);
     const std::vector<float> scale = numbers(part, prefix + "SCALE", 3, &more);
     const bool are_logs = std::any_of(scale.begin(), scale.end(), [](float s) { return s < 0; });
+    const bool is_turned = !turn.is(kIdentity);
     is_draft_ = is_draft_ || are_logs;
-    const Matrix3& r = turn.rotation;
     for (size_t i = 0; i < part.count; ++i) {
       const float* q = &xyzw[4 * i];
       const auto as_double = [&](size_t k) { return static_cast<double>(q[k]); };
       Vec4 wxyz = {as_double(3), as_double(0), as_double(1), as_double(2)};
-      if (!turn.is(kIdentity)) {
-        const Matrix3 own = quaternion_to_matrix(wxyz);
-        Matrix3 turned{};
-        for (size_t a = 0; a < 3; ++a) {
-          for (size_t b = 0; b < 3; ++b) {
-            for (size_t k = 0; k < 3; ++k) turned[3 * a + b] += r[3 * a + k] * own[3 * k + b];
-          }
-        }
-        wxyz = matrix_to_quaternion(turned);
+      if (is_turned) {
+        wxyz = matrix_to_quaternion(product(turn.rotation, quaternion_to_matrix(wxyz)));
       }
       for (size_t k = 0; k < 4; ++k) {
         rows_.rotation[4 * (begin_ + i) + k] = static_cast<float>(wxyz[k]);
@@ -342,6 +349,8 @@ class GltfReader {
   std::vector<Part> parts_;
   StaticRows rows_{0, 0};
   l4d_placement placement_{{0, 0, 0}, 1, L4D_COORDINATES_RIGHT_UP_BACK, L4D_COLOR_SRGB};
+  uint64_t count_ = 0;
+  bool has_splats_ = false;
   size_t begin_ = 0;   // of the rows of the part that is added
   size_t others_ = 0;  // primitives that are no splats
   bool is_draft_ = false;

@@ -33,8 +33,9 @@ using Codes = std::array<std::array<float, 256>, 4>;
 // The files of an archive, or those beside a meta.json.
 class Files {
  public:
-  Files(InputFile* input, const Hold& holder) : path_(input->path()), holder_(holder) {
-    bytes_ = read_counted(input, holder, &memory_);
+  Files(InputFile* input, const ImportOptions& options)
+      : path_(input->path()), holder_(options.holder), reads_(options.reads) {
+    bytes_ = read_counted(input, holder_, &memory_);
     if (bytes_.empty() || bytes_[0] != 'P') return;
     archive_.emplace(std::move(bytes_), path_);
   }
@@ -51,7 +52,9 @@ class Files {
     if (std::filesystem::path(name).filename() != name) {
       throw Error(L4D_ERR_CORRUPT, path_ + ": it names " + name + ", which is not beside it");
     }
-    InputFile file((std::filesystem::path(path_).parent_path() / name).string(), holder_);
+    const std::string path = (std::filesystem::path(path_).parent_path() / name).string();
+    reads_(path);
+    InputFile file(path, holder_);
     check_size(name, file.size(), most);
     return read_counted(&file, holder_, memory);
   }
@@ -69,6 +72,7 @@ class Files {
 
   std::string path_;
   Hold holder_;
+  std::function<void(const std::string&)> reads_;
   std::shared_ptr<void> memory_;
   std::vector<uint8_t> bytes_;  // of meta.json
   std::optional<ZipArchive> archive_;
@@ -77,7 +81,7 @@ class Files {
 class SogReader {
  public:
   SogReader(InputFile* input, const ImportOptions& options)
-      : path_(input->path()), options_(options), files_(input, options.holder) {}
+      : path_(input->path()), options_(options), files_(input, options) {}
 
   Scene read() {
     std::shared_ptr<void> memory;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "io/file/memory.h"
@@ -18,6 +19,8 @@ struct ImportOptions {
   // for logits and for logarithms.
   bool activated = false;
   Hold holder;  // counts the scene before it is read; it keeps that as Scene::memory
+  // Called with each file that is read because another one names it, before it is opened.
+  std::function<void(const std::string& path)> reads = [](const std::string&) {};
 };
 
 // Reads any scene PLY, told apart by its header: l4d_ply, .ftgs.ply, SpacetimeGaussians lite, 3DGS,
@@ -28,6 +31,8 @@ Scene read_scene_ply(const std::string& path, const ImportOptions& options = {})
 // Writers go to a temporary name and rename on success. Each converts what its format demands.
 // What `check` throws ends them, and leaves what was there before.
 void write_l4d_ply(const std::string& path, const Scene& scene, const Check& check = {});
+// Bytes that the next two take besides the scene.
+uint64_t bytes_to_write_moving(const Scene& scene);
 // Returns what the file does not have of the scene.
 WriteNotes write_ftgs_ply(const std::string& path, const Scene& scene, const Check& check = {});
 // The columns t, scale_t and motion_0..2, of lines: a scene of SpacetimeGaussians without turning.

@@ -128,6 +128,8 @@ WriteNotes write_compressed_ply(const std::string& path, const Splats& splats, c
       hold(holder, count * (8 + 4 + 16) + chunks * kRanges * 4, path + " as compressed PLY");
   const std::vector<uint32_t> order = order_of(splats);
   Bytes ranges, packed;
+  ranges.reserve(chunks * kRanges * sizeof(float));
+  packed.reserve(count * 4 * sizeof(uint32_t));
   uint64_t limited = 0;
   for (size_t begin = 0; begin < count; begin += kPlyChunk) {
     const size_t size = std::min<size_t>(kPlyChunk, count - begin);

@@ -214,6 +214,12 @@ void write_l4d_ply(const std::string& path, const Scene& scene, const Check& che
   write_l4d_rows(path, converted, exact, check);
 }
 
+uint64_t bytes_to_write_moving(const Scene& scene) {
+  const uint64_t shapes = sizeof(Shape3) + sizeof(Vec3) + sizeof(double);
+  const uint64_t copy = numbers_per_gaussian(scene.sh_degree) * sizeof(float) + sizeof(double);
+  return scene.count() * (shapes + copy);
+}
+
 WriteNotes write_ftgs_ply(const std::string& path, const Scene& source, const Check& check) {
   const Scene scene = moving_scene(source, path, "ftgs_ply");
   const l4d_timeline& timeline = scene.timeline;

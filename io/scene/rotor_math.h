@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 
 namespace l4d::io {
 
@@ -18,6 +19,23 @@ using Vec4 = std::array<double, 4>;
 using Rotor = std::array<double, 8>;     // s b01 b02 b12 b03 b13 b23 p
 using Matrix3 = std::array<double, 9>;   // row-major
 using Matrix4 = std::array<double, 16>;  // row-major; row = world axis x y z t, column = local axis
+
+inline Matrix3 product(const Matrix3& a, const Matrix3& b) {
+  Matrix3 out{};
+  for (size_t i = 0; i < 3; ++i) {
+    for (size_t j = 0; j < 3; ++j) {
+      for (size_t k = 0; k < 3; ++k) out[3 * i + j] += a[3 * i + k] * b[3 * k + j];
+    }
+  }
+  return out;
+}
+inline Vec3 product(const Matrix3& a, const Vec3& v) {
+  Vec3 out{};
+  for (size_t i = 0; i < 3; ++i) {
+    for (size_t k = 0; k < 3; ++k) out[i] += a[3 * i + k] * v[k];
+  }
+  return out;
+}
 
 // Rotation of a rotor of any length: each of its two quaternion halves is normalised, which makes
 // it the nearest valid one. A half of length zero counts as the identity.

@@ -234,7 +234,7 @@ class Splats:
         c = struct("splat_buffers", capacity=n, count=n)
         c.position, c.covariance, c.opacity, c.sh = [pointer(a) for a in arrays]
         name = os.fsdecode(path).lower()
-        extension = ".compressed.ply" if name.endswith(".compressed.ply") else os.path.splitext(name)[1]
+        extension = next((end for end in INSTANTS if name.endswith(end)), os.path.splitext(name)[1])
         return _written(functools.partial(lib.l4dpy_write_splats, c, degree, _stated(self), c_string(extension, "path"),
                                           path_bytes(path)))
 

@@ -123,5 +123,20 @@ cp s.ply new.l4d.l4dtmp0
 kept encode new.l4d.l4dtmp0 -o new.l4d
 cmp new.l4d.l4dtmp0 s.ply
 
+# Files that the input names.
+expect 0 slice s.ply --time 1 -o one.glb
+"$PYTHON" - <<'PY'
+import json
+data = open("one.glb", "rb").read()
+size = int.from_bytes(data[12:16], "little")
+document = json.loads(data[20:20 + size])
+document["buffers"][0]["uri"] = "one.bin"
+open("one.gltf", "w").write(json.dumps(document))
+open("one.bin", "wb").write(data[28 + size:])
+PY
+cp one.bin before
+kept encode one.gltf --estimate -f -o one.bin
+cmp one.bin before
+
 # The same device may be named twice.
 expect 0 encode s.ply -o /dev/null --order /dev/null --preset lossless

@@ -219,7 +219,7 @@ TEST_F(GltfTest, WhatIsNotReadIsRefused) {
        [](Json& j) { j["buffers"][0]["uri"] = "../a.bin"; }},
       {"no base64", L4D_ERR_CORRUPT, "no base64",
        [](Json& j) { j["buffers"][0]["uri"] = "data:;base64,!!"; }},
-      {"shown 90,000 times", L4D_ERR_LIMIT_EXCEEDED, "more than 32 times",
+      {"shown 90,000 times", L4D_ERR_LIMIT_EXCEEDED, "more splats than the file has bytes",
        [](Json& j) {
          const Json node = {{"mesh", 0}};
          const Json primitive = j["meshes"][0]["primitives"][0];
