@@ -238,7 +238,6 @@ void Planner::set_orders(Part* part) {
 void Planner::sort() {
   order_.clear();
   for (uint32_t p = 0; p < parts_.size(); ++p) {
-    forget_evicted(parts_[p]);
     set_orders(parts_[p]);
     const std::vector<Chunk>& chunks = parts_[p]->map.chunks();
     for (uint32_t c = 0; c < chunks.size(); ++c) {

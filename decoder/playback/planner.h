@@ -93,6 +93,7 @@ class Planner {
   template <typename Update>
   void refresh(const Update& update, bool sorts) {
     for (Part* part : parts_) {
+      forget_evicted(part);
       part->map.refresh(settings_.tolerant);
       for (Item& item : part->map.items()) update(*part, &item);
     }
