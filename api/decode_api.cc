@@ -435,13 +435,6 @@ l4d_status l4d_decoder_check_conformance(l4d_decoder* decoder, uint32_t profile,
   });
 }
 
-l4d_status l4d_decoder_slice_columns(l4d_decoder* decoder, double time, l4d_splat_columns* out) {
-  return with_stream(decoder, required(out), [&](l4d::Decoder& d) -> Status {
-    l4d_splat_columns columns = read_struct(*out);
-    return write_output(d.slicer().slice(time, &columns), columns, out);
-  });
-}
-
 l4d_status l4d_decoder_slice(l4d_decoder* decoder, double time, l4d_splat_buffers* out) {
   return with_stream(decoder, required(out), [&](l4d::Decoder& d) -> Status {
     l4d_splat_buffers buffers = read_struct(*out);

@@ -9,7 +9,6 @@
 #include <functional>
 #include <string>
 
-#include "l4d/experimental/columns.h"
 #include "l4d/experimental/inspect.h"
 #include "l4d/experimental/packed.h"
 #include "tests/common/codec.h"
@@ -111,9 +110,8 @@ TEST(StructSize, ResultsStayWithinIt) {
   });
   expect_results_within<l4d_splat_buffers>(
       [&](void* to) { return l4d_decoder_slice(d, 1.0, static_cast<l4d_splat_buffers*>(to)); });
-  expect_results_within<l4d_splat_columns>([&](void* to) {
-    return l4d_decoder_slice_columns(d, 1.0, static_cast<l4d_splat_columns*>(to));
-  });
+  expect_results_within<l4d_splat_columns>(
+      [&](void* to) { return slice_columns(d, 1.0, static_cast<l4d_splat_columns*>(to)); });
   expect_results_within<l4d_stream_demand>([&](void* to) {
     return l4d_decoder_get_stream_demand(d, static_cast<l4d_stream_demand*>(to));
   });

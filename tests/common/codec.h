@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "l4d/experimental/columns.h"
 #include "l4d/experimental/parameters.h"
 #include "l4d/l4d.hpp"
 #include "libl4dcodec/base/bytes.h"
@@ -79,6 +80,11 @@ l4d_decoder_options decoder_options(uint32_t backend, uint32_t threads);
 l4d_query all_query();
 l4d_query time_query(double time);
 l4d_query range_query(double begin, double end);
+// Of one stream.
+inline l4d_status slice_columns(l4d_decoder* decoder, double time, l4d_splat_columns* out) {
+  const l4d_shown_stream stream{decoder, time};
+  return l4d_slice_streams_columns(&stream, 1, out);
+}
 GaussianArrays decode(const Bytes& bytes, const l4d_query& query,
                       uint32_t backend = L4D_BACKEND_AUTO, uint32_t threads = 1);
 

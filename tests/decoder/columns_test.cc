@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Slices as columns: the Gaussians of l4d_decoder_slice, in another order and array.
-#include "l4d/experimental/columns.h"
 
 #include <gtest/gtest.h>
 
@@ -42,7 +41,7 @@ struct Columns {
     columns.sh_rows = rows.data();
   }
   l4d_status slice(const DecoderHandle& d, double time) {
-    return l4d_decoder_slice_columns(d.get(), time, &columns);
+    return slice_columns(d.get(), time, &columns);
   }
 };
 
@@ -191,8 +190,8 @@ TEST(Columns, RefuseWhatMakesNoSense) {
   }
   c.columns.min_opacity = 0;
   EXPECT_EQ(c.slice(d, 0.9), L4D_OK);
-  EXPECT_EQ(l4d_decoder_slice_columns(d.get(), 0.9, nullptr), L4D_ERR_INVALID_ARGUMENT);
-  EXPECT_EQ(l4d_decoder_slice_columns(nullptr, 0.9, &c.columns), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(slice_columns(d.get(), 0.9, nullptr), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(slice_columns(nullptr, 0.9, &c.columns), L4D_ERR_INVALID_ARGUMENT);
 }
 
 }  // namespace

@@ -11,7 +11,6 @@
 #include <tuple>
 #include <vector>
 
-#include "l4d/experimental/columns.h"
 #include "libl4dcodec/base/ordered.h"
 #include "tests/common/codec.h"
 #include "tests/common/random.h"
@@ -38,7 +37,7 @@ SplatArrays forms(const DecoderHandle& d, double time) {
 // The same of columns, in the order of l4d_decoder_slice.
 SplatArrays column_forms(const DecoderHandle& d, double time) {
   l4d_splat_columns c = L4D_INIT(l4d_splat_columns);
-  d.check(l4d_decoder_slice_columns(d.get(), time, &c));
+  d.check(slice_columns(d.get(), time, &c));
   const size_t n = static_cast<size_t>(c.count);
   std::vector<std::vector<float>> columns(20, std::vector<float>(n));
   std::vector<const float*> rows(n);
@@ -55,7 +54,7 @@ SplatArrays column_forms(const DecoderHandle& d, double time) {
   c.capacity = n;
   c.camera_position[0] = 3;
   c.camera_position[2] = -7;
-  d.check(l4d_decoder_slice_columns(d.get(), time, &c));
+  d.check(slice_columns(d.get(), time, &c));
   std::map<Id, size_t> order;
   for (size_t i = 0; i < n; ++i) order[key_of(id[i])] = i;
   EXPECT_EQ(order.size(), n);
@@ -400,15 +399,15 @@ TEST(SplatForms, RefuseWhatMakesNoSense) {
   EXPECT_EQ(l4d_decoder_slice(d.get(), 0.9, &b), L4D_ERR_BUFFER_TOO_SMALL);
   l4d_splat_columns c = L4D_INIT(l4d_splat_columns);
   c.scale[0] = numbers.data();
-  EXPECT_EQ(l4d_decoder_slice_columns(d.get(), 0.9, &c), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(slice_columns(d.get(), 0.9, &c), L4D_ERR_INVALID_ARGUMENT);
   c.scale[0] = nullptr;
   c.color[2] = numbers.data();
-  EXPECT_EQ(l4d_decoder_slice_columns(d.get(), 0.9, &c), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(slice_columns(d.get(), 0.9, &c), L4D_ERR_INVALID_ARGUMENT);
   c.color[0] = c.color[1] = c.color[2];
   c.camera_position[0] = std::nan("");
-  EXPECT_EQ(l4d_decoder_slice_columns(d.get(), 0.9, &c), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(slice_columns(d.get(), 0.9, &c), L4D_ERR_INVALID_ARGUMENT);
   c.camera_position[0] = 0;
-  EXPECT_EQ(l4d_decoder_slice_columns(d.get(), 0.9, &c), L4D_OK);
+  EXPECT_EQ(slice_columns(d.get(), 0.9, &c), L4D_OK);
 }
 
 }  // namespace

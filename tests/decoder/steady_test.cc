@@ -5,7 +5,6 @@
 
 #include <vector>
 
-#include "l4d/experimental/columns.h"
 #include "tests/common/codec.h"
 #include "tests/decoder/allocation_meter.h"
 
@@ -54,7 +53,7 @@ struct Player {
   }
   void show(const DecoderHandle& d, double time) {
     d.check(l4d_decoder_slice(d.get(), time, &buffers));
-    d.check(l4d_decoder_slice_columns(d.get(), time, &columns));
+    d.check(slice_columns(d.get(), time, &columns));
   }
 };
 

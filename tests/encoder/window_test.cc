@@ -9,7 +9,6 @@
 #include <cmath>
 #include <map>
 
-#include "l4d/experimental/columns.h"
 #include "l4d/experimental/packed.h"
 #include "libl4dcodec/scene/slice.h"
 #include "tests/common/codec.h"
@@ -196,7 +195,7 @@ TEST(Windows, BesideOtherGaussians) {
     // The columns that renderers take hold as many.
     for (const double t : {0.0, 0.51, 1.0, 1.999}) {
       l4d_splat_columns columns = L4D_INIT(l4d_splat_columns);
-      decoder.check(l4d_decoder_slice_columns(decoder.get(), t, &columns));
+      decoder.check(slice_columns(decoder.get(), t, &columns));
       const uint64_t in_columns = columns.count;
       EXPECT_EQ(decoder.slice(t).count(), in_columns) << t;
     }

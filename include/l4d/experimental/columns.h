@@ -36,16 +36,13 @@ typedef struct l4d_splat_columns {
   double camera_position[3];
   l4d_operating_point point;
 } l4d_splat_columns;
-/* Slices the stream at `time` seconds, clamped to the sequence. The Gaussians and their numbers are
- * those of l4d_decoder_slice, in another order. If capacity is 0, only `count` is computed;
- * otherwise position, covariance, opacity and sh_rows must not be NULL.
- * Fails with BUFFER_TOO_SMALL if capacity is above 0 and below `count`; the arrays are unchanged
- * then. Fails with INVALID_ARGUMENT if min_opacity is not a number >= 0, if only some columns of
- * scale, rotation or color are NULL, or if camera_position is not finite and color is given. */
-L4D_API l4d_status l4d_decoder_slice_columns(l4d_decoder* decoder, double time,
-                                             l4d_splat_columns* out);
-
-/* As l4d_slice_streams, in this form. */
+/* As l4d_slice_streams, in this form: the Gaussians and their numbers are the same, those of each
+ * stream in another order. If capacity is 0, only `count` is computed; otherwise position,
+ * covariance, opacity and sh_rows must not be NULL.
+ * Fails with BUFFER_TOO_SMALL if capacity is above 0 and below `count`; of one stream, the arrays
+ * are unchanged then. Fails with INVALID_ARGUMENT if min_opacity is not a number >= 0, if only some
+ * columns of scale, rotation or color are NULL, or if camera_position is not finite and color is
+ * given. */
 L4D_API l4d_status l4d_slice_streams_columns(const l4d_shown_stream* streams, uint64_t count,
                                              l4d_splat_columns* out);
 
