@@ -37,8 +37,12 @@ if(NOT TARGET l4drender)
   set(l4d_left_out PATTERN "render.*" EXCLUDE PATTERN "sensitivity.*" EXCLUDE
     PATTERN "cuda_render.h" EXCLUDE
     PATTERN "cuda_player.h" EXCLUDE PATTERN "cuda_train.h" EXCLUDE)
-  if(NOT TARGET l4dencoder AND NOT L4D_HAVE_CUDA)
-    list(APPEND l4d_left_out PATTERN "cuda.h" EXCLUDE PATTERN "cuda_packed.h" EXCLUDE)
+  if(NOT TARGET l4dencoder)
+    list(APPEND l4d_left_out PATTERN "encode.*" EXCLUDE PATTERN "session.h" EXCLUDE
+      PATTERN "parameters.h" EXCLUDE)
+    if(NOT L4D_HAVE_CUDA)
+      list(APPEND l4d_left_out PATTERN "cuda.*" EXCLUDE PATTERN "cuda_packed.h" EXCLUDE)
+    endif()
   endif()
 endif()
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/l4d DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}

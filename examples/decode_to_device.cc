@@ -12,8 +12,7 @@
 #include <memory>
 #include <new>
 
-#include "l4d/cuda.h"
-#include "l4d/l4d.hpp"
+#include "l4d/cuda.hpp"
 
 namespace {
 
@@ -28,21 +27,15 @@ DeviceMemory room(uint64_t bytes) {
   return DeviceMemory(memory);
 }
 
-struct Destroy {
-  void operator()(l4d_cuda_decoder* d) const noexcept { l4d_cuda_decoder_destroy(d); }
-};
-
 void decode(const char* path) {
   l4d::DecoderHandle decoder;
   decoder.open_file(path);
-  l4d_cuda_decoder* made = nullptr;
-  decoder.check(l4d_cuda_decoder_create(decoder.get(), 0, &made));
-  const std::unique_ptr<l4d_cuda_decoder, Destroy> on_device(made);
+  l4d::CudaDecoderHandle on_device(decoder);
 
   const l4d_query all = L4D_INIT(l4d_query);
   l4d_cuda_request request = L4D_INIT(l4d_cuda_request);
   request.attributes = L4D_CUDA_POSITION | L4D_CUDA_OPACITY;
-  decoder.check(l4d_cuda_decoder_prepare(on_device.get(), &all, &request));
+  on_device.prepare(all, &request);
   const DeviceMemory position = room(3 * sizeof(float) * request.num_gaussians);
   const DeviceMemory opacity = room(sizeof(float) * request.num_gaussians);
   const DeviceMemory workspace = room(request.workspace_bytes);
@@ -50,9 +43,8 @@ void decode(const char* path) {
   arrays.capacity = request.num_gaussians;
   arrays.position = static_cast<float*>(position.get());
   arrays.opacity = static_cast<float*>(opacity.get());
-  decoder.check(l4d_cuda_decoder_decode(on_device.get(), &arrays, workspace.get(),
-                                        request.workspace_bytes, nullptr));
-  decoder.check(l4d_cuda_decoder_finish(on_device.get()));
+  on_device.decode(arrays, workspace.get(), request.workspace_bytes);
+  on_device.finish();
 
   std::array<float, 3> first{};
   if (request.num_gaussians > 0) {
@@ -71,8 +63,7 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: decode_to_device SCENE.l4d\n");
     return 2;
   }
-  uint32_t num_devices = 0;
-  if (l4d_cuda_get_device_count(&num_devices) != L4D_OK || num_devices == 0) {
+  if (l4d::cuda_devices().empty()) {
     std::fprintf(stderr, "decode_to_device: no CUDA device\n");
     return 77;
   }

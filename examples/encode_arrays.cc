@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "l4d/l4d.hpp"
+#include "l4d/encode.hpp"
 
 namespace {
 
@@ -40,12 +40,12 @@ struct Helix {
   }
 };
 
-int tell(void*, uint64_t done, uint64_t total, const char* step) {
+bool tell(uint64_t done, uint64_t total, const char* step) {
   if (total > 0) {
     std::printf("%s: %.0f %%\n", step,
                 100 * static_cast<double>(done) / static_cast<double>(total));
   }
-  return 0;
+  return true;  // false: the encoder gives up
 }
 
 }  // namespace
@@ -57,17 +57,13 @@ int main(int argc, char** argv) {
   }
   try {
     const Helix helix(600);
-    const l4d_gaussians scene = helix.view();
-    const l4d_timeline timeline{0.0, 60, 30, 1, 0};
-    const l4d::EncoderHandle encoder;
-    encoder.check(l4d_encoder_set_progress(encoder.get(), tell, nullptr));
-    encoder.check(l4d_encoder_set_preset(encoder.get(), "large"));
-    encoder.check(l4d_encoder_set_scene(encoder.get(), &scene, &timeline, nullptr));
-    encoder.check(l4d_encoder_encode_file(encoder.get(), argv[1]));
-    l4d_encode_report report = L4D_INIT(l4d_encode_report);
-    encoder.check(l4d_encoder_get_report(encoder.get(), &report));
+    l4d::EncoderHandle encoder;
+    encoder.set_progress(tell);
+    encoder.set_preset("large");
+    encoder.set_scene(helix.view(), {0.0, 60, 30, 1, 0});
+    encoder.encode_file(argv[1]);
     std::printf("%zu Gaussians in %llu bytes\n", helix.mean_t.size(),
-                static_cast<unsigned long long>(report.file_bytes));
+                static_cast<unsigned long long>(encoder.report().file_bytes));
   } catch (const l4d::Error& error) {
     std::fprintf(stderr, "encode_arrays: %s\n", error.what());
     return 1;

@@ -23,7 +23,7 @@
 #include <string>
 #include <vector>
 
-#include "l4d/l4d.hpp"
+#include "l4d/playback.hpp"
 
 namespace {
 
@@ -187,12 +187,8 @@ class Player {
   }
 
   void start(const l4d_playback_item& item) {
-    const char* uri = "";
-    if (item.source != 0) {
-      engine_.check(l4d_playback_get_uri(engine_.get(), item.source, &uri));
-    }
-    const Url url(item.source == 0 ? url_ : resolve(url_, uri));
-    if (url.host.empty()) return finish(item.id, L4D_TRANSFER_FORBIDDEN);
+    const Url url(item.source == 0 ? url_ : resolve(url_, engine_.uri(item.source)));
+    if (url.host.empty()) return engine_.finished(now(), item.id, L4D_TRANSFER_FORBIDDEN);
     std::string lines;
     if ((item.flags & (L4D_REQUEST_WHOLE | L4D_REQUEST_PLAYLIST)) == 0) {
       lines = "Range: bytes=" + std::to_string(item.offset) + "-";
@@ -204,12 +200,8 @@ class Player {
     }
     if (!connections_.try_emplace(item.id, url, lines).first->second.is_open()) {
       connections_.erase(item.id);
-      finish(item.id, L4D_TRANSFER_FAILED);
+      engine_.finished(now(), item.id, L4D_TRANSFER_FAILED);
     }
-  }
-
-  void finish(uint32_t id, uint32_t outcome) {
-    engine_.check(l4d_playback_finished(engine_.get(), now(), id, outcome));
   }
 
   // The picture of this moment. A real player takes more than positions, and draws.
@@ -239,14 +231,10 @@ class Player {
       const uint32_t id = ids[i];
       Connection& connection = connections_.at(id);
       const bool goes_on = connection.pump(
-          [&](const l4d_answer& a) {
-            engine_.check(l4d_playback_answered(engine_.get(), now(), id, &a));
-          },
-          [&](const char* bytes, size_t n) {
-            engine_.check(l4d_playback_received(engine_.get(), now(), id, bytes, n));
-          });
+          [&](const l4d_answer& a) { engine_.answered(now(), id, a); },
+          [&](const char* bytes, size_t n) { engine_.received(now(), id, bytes, n); });
       if (goes_on) continue;
-      finish(id, connection.has_head() ? L4D_TRANSFER_ENDED : L4D_TRANSFER_FAILED);
+      engine_.finished(now(), id, connection.has_head() ? L4D_TRANSFER_ENDED : L4D_TRANSFER_FAILED);
       connections_.erase(id);
     }
   }

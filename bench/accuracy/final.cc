@@ -43,9 +43,7 @@ class Captured {
 // Presets, and the codebooks that were tried before two of them were chosen.
 std::vector<Coding> codings() {
   std::vector<Coding> all;
-  for (uint32_t i = 0; l4d_encoder_preset_name(i) != nullptr; ++i) {
-    all.push_back(preset(l4d_encoder_preset_name(i)));
-  }
+  for (const std::string& name : EncoderHandle::preset_names()) all.push_back(preset(name));
   for (const Coding& c : codebook_codings()) all.push_back(c);
   return all;
 }

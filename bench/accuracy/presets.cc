@@ -8,12 +8,6 @@
 namespace l4d::bench {
 namespace {
 
-uint64_t peak_memory(const DecoderHandle& d) {
-  l4d_counters counters = L4D_INIT(l4d_counters);
-  d.check(l4d_decoder_get_counters(d.get(), &counters));
-  return counters.peak_memory_bytes;
-}
-
 // Times of one thread, in seconds.
 struct Playback {
   double decode = 0, first_slice = 0, next_slice = 0;
@@ -26,27 +20,27 @@ Playback play(const BenchScene& scene, const std::vector<unsigned char>& file, i
   {
     DecoderHandle d = open(file, L4D_BACKEND_CPU, 1);
     p.decode = time_median(runs, [&] { d.decode(query); });
-    p.decode_memory = peak_memory(d);
+    p.decode_memory = d.counters().peak_memory_bytes;
   }
   const double middle = scene.time_of(scene.scene.timeline.num_frames / 2);
   p.first_slice = time_median(runs, [&] {
     DecoderHandle d = open(file, L4D_BACKEND_CPU, 1);
     d.slice(middle);
-    p.slice_memory = peak_memory(d);
+    p.slice_memory = d.counters().peak_memory_bytes;
   });
   DecoderHandle d = open(file, L4D_BACKEND_CPU, 1);
   p.next_slice = time_median(runs, [&] { d.slice(middle); });
   return p;
 }
 
-Json preset_row(Bench& bench, const BenchScene& scene, const char* name) {
+Json preset_row(Bench& bench, const BenchScene& scene, const std::string& name) {
   const Coding coding = preset(name);
   const Measured& measured = bench.measured(scene, coding.metric);
   const int runs = bench.quick() ? 1 : 3;
   const Encoded with = encode(scene.scene, measured.weights, coding, runs);
   // As the tool encodes a scene that comes without cameras.
   const bool is_paper = coding.metric == L4D_SENSITIVITY_SUM;
-  const bool looks_around = !is_paper && std::string(name) != "lossless";
+  const bool looks_around = !is_paper && name != "lossless";
   const Measured made_up = looks_around ? measure_made_up(scene.scene) : Measured();
   // The paper's pruning is by a weight that is not there then.
   Coding unweighted = is_paper ? coding.with(L4D_ENC_PRUNE_WEIGHT, -1) : coding;
@@ -80,11 +74,8 @@ Json preset_row(Bench& bench, const BenchScene& scene, const char* name) {
 Json run_presets(Bench& bench) {
   const BenchScene& scene = bench.real();
   Json rows = Json::array();
-  std::vector<const char*> names;
-  for (uint32_t i = 0; l4d_encoder_preset_name(i) != nullptr; ++i) {
-    names.push_back(l4d_encoder_preset_name(i));
-  }
-  for (const char* name : bench.take(names)) bench.add(rows, preset_row(bench, scene, name));
+  for (const std::string& name : bench.take(EncoderHandle::preset_names()))
+    bench.add(rows, preset_row(bench, scene, name));
   return {{"presets", rows}};
 }
 

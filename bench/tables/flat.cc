@@ -69,8 +69,7 @@ class Bench {
     encoder.set(L4D_ENC_QUALITY, quality);
     if (bound > 0) encoder.set(L4D_ENC_MAX_POSITION_ERROR, bound);
     const std::vector<unsigned char> file = encoder.encode();
-    std::vector<uint32_t> order(static_cast<size_t>(report_of(encoder).coded_gaussians));
-    encoder.check(l4d_encoder_get_order(encoder.get(), order.data(), order.size()));
+    const std::vector<uint32_t> order = encoder.order();
     DecoderHandle decoder;
     decoder.open_memory(file.data(), file.size());
     const auto [largest, thinnest] = displacements(decoder.decode(whole_query()), order);

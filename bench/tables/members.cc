@@ -83,20 +83,10 @@ Recorded record(const EncoderHandle& encoder, const l4d_timeline& timeline, doub
     if (member.bytes == 0) break;
   }
   const l4d_reader reader = reader_of(out.bytes);
-  l4d_members* list = nullptr;
-  if (l4d_members_open(&reader, nullptr, &list) != L4D_OK) std::abort();
-  l4d_members_info info = L4D_INIT(l4d_members_info);
-  l4d_members_get_info(list, &info);
-  for (uint64_t i = 0; i < info.count; ++i) {
-    Piece p;
-    p.member = L4D_INIT(l4d_member);
-    uint64_t count = 0;
-    l4d_members_get(list, i, &p.member);
-    p.needs.resize(p.member.num_needs);
-    l4d_members_get_needs(list, i, p.needs.data(), p.needs.size(), &count);
-    out.pieces.push_back(std::move(p));
+  const MembersHandle list(reader);
+  for (uint64_t i = 0; i < list.info().count; ++i) {
+    out.pieces.push_back({list.member(i), list.needs(i)});
   }
-  l4d_members_destroy(list);
   return out;
 }
 

@@ -68,9 +68,7 @@ int main() {
       bytes += counting.bytes - open_bytes;
       selection = d.select(time_query(t));
       visible += d.slice(t).count();
-      l4d_counters counters = L4D_INIT(l4d_counters);
-      d.check(l4d_decoder_get_counters(d.get(), &counters));
-      memory = std::max(memory, counters.peak_memory_bytes);
+      memory = std::max(memory, d.counters().peak_memory_bytes);
       levels = d.info().num_layers;
     }
     std::printf(

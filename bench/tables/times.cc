@@ -57,8 +57,7 @@ void print_row(const std::string& name, const WeightedScene& scene, const char* 
       scene, scene.weights.count == 0 ? std::vector<float>() : sh_weights(scene), preset);
   const std::vector<unsigned char> file = encoder.encode();
   const l4d_encode_report report = report_of(encoder);
-  std::vector<uint32_t> order(static_cast<size_t>(report.coded_gaussians));
-  encoder.check(l4d_encoder_get_order(encoder.get(), order.data(), order.size()));
+  const std::vector<uint32_t> order = encoder.order();
   DecoderHandle d;
   d.open_memory(file.data(), file.size());
   const GaussianArrays a = d.decode(whole_query());

@@ -55,17 +55,11 @@ bool has_signature(const l4d_reader& reader) {
 
 }  // namespace
 
-void MemberFile::check(l4d_status status) const {
-  if (status != L4D_OK) throw Failure(status, name_ + ": " + l4d_last_error_message());
-}
-
-MemberFile::List MemberFile::open(const l4d_reader& reader, bool ignore_index) const {
+MembersHandle MemberFile::open(const l4d_reader& reader, bool ignore_index) const {
   l4d_members_options options = L4D_INIT(l4d_members_options);
   options.max_memory_bytes = max_memory_bytes_;
   options.ignore_index = ignore_index ? 1 : 0;
-  l4d_members* list = nullptr;
-  check(l4d_members_open(&reader, &options, &list));
-  return List(list);
+  return about(name_, [&] { return MembersHandle(reader, &options); });
 }
 
 MemberFile::MemberFile(const Context& context, const std::string& path, const std::string& name,
@@ -75,30 +69,18 @@ MemberFile::MemberFile(const Context& context, const std::string& path, const st
       reader_(path),
       list_(open(*reader_.get(), ignore_index)),
       is_signed_(has_signature(*reader_.get())) {
-  const l4d_members* list = list_.get();
-  info_ = L4D_INIT(l4d_members_info);
-  check(l4d_members_get_info(list, &info_));
+  info_ = list_.info();
   for (uint64_t i = 0; i < info_.count; ++i) {
-    MemberInfo m;
-    m.member = L4D_INIT(l4d_member);
-    check(l4d_members_get(list, i, &m.member));
-    m.needs.resize(m.member.num_needs);
-    uint64_t count = 0;
-    check(l4d_members_get_needs(list, i, m.needs.data(), m.needs.size(), &count));
-    members_.push_back(std::move(m));
+    members_.push_back({list_.member(i), list_.needs(i)});
   }
 }
 
 l4d_reader MemberFile::reader(size_t index) const {
-  l4d_reader out = L4D_INIT(l4d_reader);
-  check(l4d_members_get_reader(list_.get(), index, &out));
-  return out;
+  return about(name_, [&] { return list_.reader(index); });
 }
 
 SequenceSpan MemberFile::sequence_of(size_t index) const {
-  const List alone = open(reader(index), true);
-  l4d_member m = L4D_INIT(l4d_member);
-  check(l4d_members_get(alone.get(), 0, &m));
+  const l4d_member m = open(reader(index), true).member(0);
   return {m.sequence_begin, m.sequence_end};
 }
 

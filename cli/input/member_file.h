@@ -70,18 +70,13 @@ class MemberFile {
   void require_whole() const;
 
  private:
-  struct Destroy {
-    void operator()(l4d_members* m) const { l4d_members_destroy(m); }
-  };
-  using List = std::unique_ptr<l4d_members, Destroy>;
-  List open(const l4d_reader& reader, bool ignore_index) const;
+  MembersHandle open(const l4d_reader& reader, bool ignore_index) const;
   DecoderHandle open_stream(size_t index) const;
-  void check(l4d_status status) const;
 
   std::string name_;
   uint64_t max_memory_bytes_;
   FileReader reader_;
-  List list_;
+  MembersHandle list_;
   bool is_signed_ = false;
   l4d_members_info info_{};
   std::vector<MemberInfo> members_;

@@ -49,11 +49,7 @@ class LossReport {
  public:
   // Takes in the losses of the decoder's last query. base: where its stream is in the file.
   void add(const DecoderHandle& decoder, uint64_t base = 0) {
-    uint64_t count = 0;
-    decoder.check(l4d_decoder_get_losses(decoder.get(), nullptr, 0, &count));
-    std::vector<l4d_loss> losses(static_cast<size_t>(count));
-    decoder.check(l4d_decoder_get_losses(decoder.get(), losses.data(), losses.size(), &count));
-    for (l4d_loss& loss : losses) {
+    for (l4d_loss& loss : decoder.losses()) {
       if (loss.offset != UINT64_MAX) loss.offset += base;
       const auto [it, is_new] = losses_.emplace(Key(loss.layer, loss.offset, loss.status), loss);
       if (is_new) continue;

@@ -5,7 +5,7 @@
 #include "cli/command/context.h"
 #include "cli/text/units.h"
 #include "cli/verbs/verbs.h"
-#include "l4d/cuda.h"
+#include "l4d/cuda.hpp"
 
 namespace l4d::cli {
 namespace {
@@ -16,12 +16,9 @@ Outcome run_version(Context&) {
   Json backends = {"reference", "cpu"};
   if (std::strstr(l4d_build_info(), "; cuda") != nullptr) backends.push_back("cuda");
   Json devices = Json::array();
-  uint32_t count = 0;
-  l4d_cuda_get_device_count(&count);
   std::string device_text;
-  for (uint32_t i = 0; i < count; ++i) {
-    l4d_cuda_device_info info = L4D_INIT(l4d_cuda_device_info);
-    if (l4d_cuda_get_device_info(i, &info) != L4D_OK) continue;
+  for (const l4d_cuda_device_info& info : cuda_devices()) {
+    const size_t i = devices.size();
     devices.push_back(
         {{"index", i},
          {"name", info.name},
@@ -30,7 +27,7 @@ Outcome run_version(Context&) {
          {"memory_bytes", info.memory_bytes},
          {"usable", info.usable != 0}});
     device_text +=
-        format("device %u: %s, %s%s\n", i, info.name, format_bytes(info.memory_bytes).c_str(),
+        format("device %zu: %s, %s%s\n", i, info.name, format_bytes(info.memory_bytes).c_str(),
                info.usable != 0 ? "" : " (this build has no code for it)");
   }
   outcome.json = {{"schema", "l4dcodec.version/1"}, {"version", l4d_version_string()},

@@ -134,10 +134,10 @@ class Refitting {
   void keep_color_bounds() {
     const EncoderHandle fresh;
     fresh.check(l4d_encoder_set_preset(fresh.get(), input_.preset.c_str()));
-    const double below = get_parameter(fresh, L4D_ENC_QUALITY) - out_.fidelity;
+    const double below = fresh.value(L4D_ENC_QUALITY) - out_.fidelity;
     const double factor = std::pow(10.0, std::max(0.0, below) / 20);
     for (const char* name : {L4D_ENC_MAX_BASE_COLOR_ERROR, L4D_ENC_MAX_DIRECTIONAL_COLOR_ERROR}) {
-      if (!input_.is_set(name)) encoder_.set(name, factor * get_parameter(encoder_, name));
+      if (!input_.is_set(name)) encoder_.set(name, factor * encoder_.value(name));
     }
   }
 

@@ -14,8 +14,8 @@ RefitDefaults refit_defaults(uint32_t backend, double effort) {
 }
 
 bool can_refit(const EncoderHandle& encoder) {
-  return has_quality(encoder) && get_parameter(encoder, L4D_ENC_PRUNE_COST) > 0 &&
-         get_parameter(encoder, L4D_ENC_PRUNE_WEIGHT) < 0;
+  return has_quality(encoder) && encoder.value(L4D_ENC_PRUNE_COST) > 0 &&
+         encoder.value(L4D_ENC_PRUNE_WEIGHT) < 0;
 }
 
 }  // namespace l4d::eval

@@ -12,8 +12,7 @@ ViewEncoding encode_for_views(const EncoderHandle& encoder, const io::Scene& sce
                               const CameraViews& views, const ViewEncodingOptions& options,
                               Observer& observer) {
   const l4d_renderer_options& renderer = options.rendering.renderer;
-  const RefitDefaults defaults =
-      refit_defaults(renderer.backend, get_parameter(encoder, L4D_ENC_EFFORT));
+  const RefitDefaults defaults = refit_defaults(renderer.backend, encoder.value(L4D_ENC_EFFORT));
   const bool refits = options.refits && can_refit(encoder);
   const bool is_long = refits && renderer.backend != L4D_BACKEND_CUDA &&
                        is_long_fit(views, defaults.fit_views, scene.count());
@@ -53,7 +52,7 @@ ViewEncoding encode_for_views(const EncoderHandle& encoder, const io::Scene& sce
     return out;
   }
   RefitInput input{scene, out.importance.weights, views, options.rendering};
-  input.fidelity = get_parameter(encoder, L4D_ENC_QUALITY);
+  input.fidelity = encoder.value(L4D_ENC_QUALITY);
   input.passes = defaults.passes;
   input.fit_views = defaults.fit_views;
   input.max_render_bytes = options.max_render_bytes;

@@ -13,8 +13,7 @@ namespace l4d::eval {
 namespace {
 
 void add_counters(const DecoderHandle& decoder, l4d_counters* sums) {
-  l4d_counters c = L4D_INIT(l4d_counters);
-  decoder.check(l4d_decoder_get_counters(decoder.get(), &c));
+  const l4d_counters c = decoder.counters();
   sums->buckets_decoded += c.buckets_decoded;
   sums->cache_hits += c.cache_hits;
 }
@@ -25,6 +24,12 @@ bool is_damage(l4d_status status) {
          status == L4D_ERR_NOT_L4D;
 }
 
+MembersHandle list_of(const l4d_reader& reader, const l4d_decoder_options& decoding) {
+  l4d_members_options options = L4D_INIT(l4d_members_options);
+  options.max_memory_bytes = decoding.max_memory_bytes;
+  return MembersHandle(reader, &options);
+}
+
 }  // namespace
 
 template <typename Body>
@@ -32,36 +37,20 @@ auto ShownMembers::of_member(uint32_t index, const Body& body) const {
   try {
     return body();
   } catch (const Error& error) {
-    const l4d_member m = member(index);
+    const l4d_member m = list_.member(index);
     throw Error(error.status(), "member " + std::to_string(m.number) + ", which begins at byte " +
                                     std::to_string(m.offset) + ": " + detail_of(error));
   }
 }
 
-void ShownMembers::check(l4d_status status) const {
-  if (status != L4D_OK) throw Error(status, l4d_last_error_message());
-}
-
-l4d_member ShownMembers::member(uint64_t index) const {
-  l4d_member m = L4D_INIT(l4d_member);
-  check(l4d_members_get(list_.get(), index, &m));
-  return m;
-}
-
 ShownMembers::ShownMembers(const l4d_reader& reader, const l4d_decoder_options& options)
-    : options_(options) {
-  l4d_members* list = nullptr;
-  l4d_members_options list_options = L4D_INIT(l4d_members_options);
-  list_options.max_memory_bytes = options.max_memory_bytes;
-  check(l4d_members_open(&reader, &list_options, &list));
-  list_.reset(list);
-  l4d_members_info info = L4D_INIT(l4d_members_info);
-  check(l4d_members_get_info(list, &info));
+    : options_(options), list_(list_of(reader, options)) {
+  const uint64_t count = list_.info().count;
   uint32_t most = 0;
   double begin = 0, end = 0;
   bool any = false;
-  for (uint64_t i = 0; i < info.count; ++i) {
-    const l4d_member m = member(i);
+  for (uint64_t i = 0; i < count; ++i) {
+    const l4d_member m = list_.member(i);
     if (m.role != L4D_MEMBER_MEDIA) continue;
     most = std::max(most, m.num_needs);
     if (!any) begin = m.begin;
@@ -73,7 +62,7 @@ ShownMembers::ShownMembers(const l4d_reader& reader, const l4d_decoder_options& 
   if (options_.max_memory_bytes > 0) {
     options_.max_memory_bytes = std::max<uint64_t>(1, options_.max_memory_bytes / (1 + most));
   }
-  choose_first(info.count);
+  choose_first(count);
   timeline_ = timeline_between(first().info().timeline, begin, end);
 }
 
@@ -81,11 +70,7 @@ DecoderHandle& ShownMembers::open(uint32_t index) {
   const auto known = open_.find(index);
   if (known != open_.end()) return known->second;
   DecoderHandle decoder(&options_);
-  of_member(index, [&] {
-    l4d_reader reader = L4D_INIT(l4d_reader);
-    check(l4d_members_get_reader(list_.get(), index, &reader));
-    decoder.open(reader);
-  });
+  of_member(index, [&] { decoder.open(list_.reader(index)); });
   return open_.emplace(index, std::move(decoder)).first->second;
 }
 
@@ -93,7 +78,7 @@ DecoderHandle& ShownMembers::open(uint32_t index) {
 void ShownMembers::choose_first(uint64_t count) {
   std::optional<Error> why;
   for (uint64_t i = 0; i < count; ++i) {
-    if (member(i).role != L4D_MEMBER_MEDIA) continue;
+    if (list_.member(i).role != L4D_MEMBER_MEDIA) continue;
     first_ = static_cast<uint32_t>(i);
     try {
       open(first_);
@@ -109,11 +94,9 @@ void ShownMembers::choose_first(uint64_t count) {
 const DecoderHandle& ShownMembers::first() { return open(first_); }
 
 uint64_t ShownMembers::num_gaussians() {
-  l4d_members_info info = L4D_INIT(l4d_members_info);
-  check(l4d_members_get_info(list_.get(), &info));
   uint64_t count = 0;
-  for (uint64_t i = 0; i < info.count; ++i) {
-    if (member(i).role == L4D_MEMBER_INDEX) continue;
+  for (uint64_t i = 0; i < list_.info().count; ++i) {
+    if (list_.member(i).role == L4D_MEMBER_INDEX) continue;
     try {
       count += open(static_cast<uint32_t>(i)).info().num_gaussians;
     } catch (const Error& error) {
@@ -125,25 +108,17 @@ uint64_t ShownMembers::num_gaussians() {
   return count;
 }
 
-std::vector<uint32_t> ShownMembers::indices_at(double seconds) const {
-  uint64_t count = 0;
-  check(l4d_members_get_shown(list_.get(), seconds, nullptr, 0, &count));
-  std::vector<uint32_t> indices(static_cast<size_t>(count));
-  check(l4d_members_get_shown(list_.get(), seconds, indices.data(), indices.size(), &count));
-  return indices;
-}
-
 const std::vector<ShownMembers::Shown>& ShownMembers::show(double seconds) {
-  shown_indices_ = indices_at(seconds);
+  shown_indices_ = list_.shown(seconds);
   shown_.clear();
   time_ = seconds;
   if (!shown_indices_.empty()) {
     // Between spans nothing is known but what is seen at their ends.
-    const l4d_member media = member(shown_indices_.front());
+    const l4d_member media = list_.member(shown_indices_.front());
     time_ = std::clamp(seconds, media.begin, media.end);
   }
   for (const uint32_t index : shown_indices_) {
-    const l4d_member m = member(index);
+    const l4d_member m = list_.member(index);
     try {
       shown_.push_back({&open(index), index, m.shift, time_ - m.shift, m.offset});
     } catch (const Error& error) {

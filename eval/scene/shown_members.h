@@ -10,15 +10,11 @@
 
 #include "io/file/memory.h"
 #include "l4d/l4d.hpp"
-#include "l4d/members.h"
 
 namespace l4d::eval {
 
 class ShownMembers {
  public:
-  struct Destroy {
-    void operator()(l4d_members* m) const { l4d_members_destroy(m); }
-  };
   // reader: must stay as long as this object. options: of one decoder; decoders that are open at a
   // time share max_memory_bytes. Throws Error where the file has no media member.
   ShownMembers(const l4d_reader& reader, const l4d_decoder_options& options);
@@ -54,17 +50,14 @@ class ShownMembers {
   uint64_t slice_bytes(double seconds);
 
  private:
-  l4d_member member(uint64_t index) const;
-  std::vector<uint32_t> indices_at(double seconds) const;
   DecoderHandle& open(uint32_t index);
   // Calls body(). Errors name the member, and their offsets count from its first byte.
   template <typename Body>
   auto of_member(uint32_t index, const Body& body) const;
   void choose_first(uint64_t count);
-  void check(l4d_status status) const;
 
-  std::unique_ptr<l4d_members, Destroy> list_;
   l4d_decoder_options options_;
+  MembersHandle list_;
   l4d_timeline timeline_{};
   uint32_t first_ = 0;                      // index of the first media member
   std::map<uint32_t, DecoderHandle> open_;  // by index

@@ -17,11 +17,10 @@ Encoding encode_scene(Observer& observer, const EncoderHandle& encoder, const st
     result.stream = encoder.encode();
     result.memory = io::hold(holder, result.stream.size(), "the stream that was made");
   } else {
-    encoder.check(l4d_encoder_encode_file(encoder.get(), path.c_str()));
+    encoder.encode_file(path);
   }
   encoder.check(l4d_encoder_set_progress(encoder.get(), nullptr, nullptr));
-  result.report = L4D_INIT(l4d_encode_report);
-  encoder.check(l4d_encoder_get_report(encoder.get(), &result.report));
+  result.report = encoder.report();
   for (uint32_t s = 0; s < result.report.num_steps; ++s) {
     const auto& [stage, seconds] = result.report.steps[s];
     const auto known =
@@ -34,10 +33,7 @@ Encoding encode_scene(Observer& observer, const EncoderHandle& encoder, const st
     }
   }
   result.report.steps = nullptr;  // lent, until the encoder encodes again
-  if (wants_order) {
-    result.order.resize(static_cast<size_t>(result.report.coded_gaussians));
-    encoder.check(l4d_encoder_get_order(encoder.get(), result.order.data(), result.order.size()));
-  }
+  if (wants_order) result.order = encoder.order();
   return result;
 }
 
@@ -55,41 +51,26 @@ Comparison compare_encoding(const Decoding& decoding, Observer& observer, const 
                         decoding.threads, decoding.min_sizes);
 }
 
-double get_parameter(const EncoderHandle& encoder, const std::string& name) {
-  double value = 0;
-  encoder.check(l4d_encoder_get(encoder.get(), name.c_str(), &value));
-  return value;
-}
-
-std::vector<l4d_parameter_info> list_parameters() {
-  std::vector<l4d_parameter_info> all;
-  l4d_parameter_info info = L4D_INIT(l4d_parameter_info);
-  while (l4d_encoder_parameter_info(static_cast<uint32_t>(all.size()), &info) == L4D_OK) {
-    all.push_back(info);
-  }
-  return all;
-}
-
 namespace {
 
 bool any_component_is(const EncoderHandle& encoder, double coding) {
   const char* const all[] = {L4D_ENC_CODING ".sh", L4D_ENC_CODING ".scale",
                              L4D_ENC_CODING ".rotor-spatial", L4D_ENC_CODING ".rotor-temporal"};
   return std::any_of(std::begin(all), std::end(all),
-                     [&](const char* name) { return get_parameter(encoder, name) == coding; });
+                     [&](const char* name) { return encoder.value(name) == coding; });
 }
 
 }  // namespace
 
 bool has_quality(const EncoderHandle& encoder) {
-  if (get_parameter(encoder, L4D_ENC_LOSSLESS) != 0) return false;
+  if (encoder.value(L4D_ENC_LOSSLESS) != 0) return false;
   // Of codebooks with stages of their own it is the step of positions alone that follows a quality.
-  return get_parameter(encoder, L4D_ENC_CODEBOOKS_BY_COST) != 0 || any_component_is(encoder, 1) ||
+  return encoder.value(L4D_ENC_CODEBOOKS_BY_COST) != 0 || any_component_is(encoder, 1) ||
          any_component_is(encoder, 2);
 }
 
 bool has_codebooks(const EncoderHandle& encoder) {
-  return get_parameter(encoder, L4D_ENC_LOSSLESS) == 0 &&
+  return encoder.value(L4D_ENC_LOSSLESS) == 0 &&
          (any_component_is(encoder, 0) || any_component_is(encoder, 2));
 }
 

@@ -42,9 +42,6 @@ struct Decoding {
 Comparison compare_encoding(const Decoding& decoding, Observer& observer, const io::Scene& scene,
                             const std::string& path, const Encoding& encoding);
 
-double get_parameter(const EncoderHandle& encoder, const std::string& name);
-// All parameters of the encoder.
-std::vector<l4d_parameter_info> list_parameters();
 // Whether anything follows the quality: codebooks and lossless streams have none.
 bool has_quality(const EncoderHandle& encoder);
 // Whether some component is coded by codebooks.

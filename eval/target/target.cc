@@ -71,8 +71,8 @@ const EncoderBound* bound_of(const Target& target) {
 }
 
 QualityRange range_of(const EncoderHandle& encoder) {
-  QualityRange range = {0, 0, get_parameter(encoder, L4D_ENC_QUALITY)};
-  for (const l4d_parameter_info& info : list_parameters()) {
+  QualityRange range = {0, 0, encoder.value(L4D_ENC_QUALITY)};
+  for (const l4d_parameter_info& info : EncoderHandle::parameters()) {
     if (info.name != std::string(L4D_ENC_QUALITY)) continue;
     range.lowest = info.min;
     range.highest = info.max;
@@ -123,7 +123,7 @@ TargetResult encode_to_target(const Target& target, const EncoderHandle& encoder
   };
   if (const EncoderBound* bound = bound_of(target)) {
     const double requested = target.requested + bound->added;
-    const double before = get_parameter(encoder, bound->parameter);
+    const double before = encoder.value(bound->parameter);
     if (!(before > 0 && before <= requested)) {
       encoder.set(bound->parameter, requested);
     }

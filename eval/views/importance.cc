@@ -35,9 +35,8 @@ MeasuredImportance measure_importance(const l4d_renderer_options& rendering, con
   out.report = L4D_INIT(l4d_measure_report);
   out.weights.gauss_newton = options.metric == L4D_SENSITIVITY_GAUSS_NEWTON;
   const auto columns = out.weights.make_columns(scene.count());
-  renderer.check(l4d_measure_importance(
-      renderer.get(), cameras.data(), static_cast<uint32_t>(cameras.size()), measured.data(),
-      measured.size(), &options, columns.data(), scene.count(), &out.report));
+  renderer.measure_importance(cameras, measured, &options, columns.data(), scene.count(),
+                              &out.report);
   out.seconds = std::chrono::duration<double>(Clock::now() - begun).count();
   return out;
 }

@@ -4,7 +4,7 @@
 # OPTION: for CMake.
 # Whether programs outlive the library that they were compiled for.
 #  - headers: those that are stable are what abi.txt says (L4D_UPDATE_GOLDEN=1 writes it anew; from 1.0 on, lines may only
-#    be added). Grown as a later version may grow them (grow.py), all have every field and name of today in the same place.
+#    be added), and those for C++ mirror all that can fail. Grown as a later version may grow them (grow.py), all have every field and name of today in the same place.
 #  - library: programs that are compiled against the headers of today run with a shared library of the
 #    grown ones, both under the address sanitizer.
 set -euo pipefail
@@ -35,6 +35,11 @@ check_headers() {
   elif [[ $(uname -sm) == 'Linux x86_64' ]]; then
     diff -u "$here/abi.txt" "$work/abi.txt" >&2 || { echo "FAIL: the stable interface has changed" >&2; exit 1; }
   fi
+  # What returns a status fails, or owns, and has a method.
+  local name
+  while read -r _ name; do
+    grep -qw "$name" "$source"/include/l4d/*.hpp || { echo "FAIL: no header for C++ has $name" >&2; exit 1; }
+  done < <(grep -oE '\bl4d_status l4d_\w+' "$work/abi.txt")
   fields "$source/include" >"$work/today.txt"
   fields "$work/grown" >"$work/grown.txt"
   moved=$(comm -23 <(sort "$work/today.txt") <(sort "$work/grown.txt"))

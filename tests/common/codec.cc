@@ -282,16 +282,9 @@ l4d_reader memory_reader(const Bytes& bytes) {
 
 std::vector<Violation> validate(const Bytes& bytes) {
   std::vector<Violation> found;
-  const l4d_reader reader = memory_reader(bytes);
-  uint64_t count = 0;
-  const l4d_status status = l4d_validate(
-      &reader, nullptr,
-      [](void* user, const l4d_violation* v) {
-        static_cast<std::vector<Violation>*>(user)->push_back(
-            {v->status, v->clause, v->offset, v->message});
-      },
-      &found, &count);
-  EXPECT_EQ(status, L4D_OK);
+  const uint64_t count = l4d::validate(memory_reader(bytes), nullptr, [&](const l4d_violation& v) {
+    found.push_back({v.status, v.clause, v.offset, v.message});
+  });
   EXPECT_EQ(count, found.size());
   return found;
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Images of the device against those of the reference.
+#include "l4d/encode.hpp"
 #include "tests/gpu/render_support.h"
 
 namespace l4d::render {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "io/scene/scene.h"
+#include "l4d/encode.hpp"
 #include "l4d/render.hpp"
 #include "libl4dcodec/scene/slice.h"
 #include "tests/render/scenes.h"

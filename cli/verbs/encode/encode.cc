@@ -26,8 +26,8 @@ void tell_pruning(Context& context, const EncodeArguments& arguments,
   }
   if (!arguments.measures()) return;
   const bool all = arguments.has_all_views();
-  if (arguments.no_prune || eval::get_parameter(encoder, L4D_ENC_PRUNE_WEIGHT) >= 0) return;
-  const bool lossless = eval::get_parameter(encoder, L4D_ENC_LOSSLESS) != 0;
+  if (arguments.no_prune || encoder.value(L4D_ENC_PRUNE_WEIGHT) >= 0) return;
+  const bool lossless = encoder.value(L4D_ENC_LOSSLESS) != 0;
   if (all && !lossless) return;
   context.note(std::string("what shows in no view is kept, since ") +
                (lossless ? "the stream is to be lossless" : "these are not all views there are") +
@@ -155,7 +155,7 @@ Outcome run_live(Context& context, const EncodeArguments& arguments) {
     if (passes > 0) {
       const io::Weights measured = told.weights();
       refit = encode_refitted(context, arguments, piece, loaded.scene, encoder, *measuring, passes,
-                              eval::get_parameter(encoder, L4D_ENC_QUALITY), told, {}, nullptr);
+                              encoder.value(L4D_ENC_QUALITY), told, {}, nullptr);
       refit->encoding = {};
       if (!refit->is_kept) {
         set_coding(context, arguments, encoder);
@@ -214,8 +214,7 @@ Outcome run_encode(Context& context, EncodeArguments& arguments) {
   std::optional<TargetReached> reached;
   std::optional<eval::Refit> refit;
   const bool wants_order = outputs.order || arguments.verify;
-  const double quality =
-      eval::has_quality(encoder) ? eval::get_parameter(encoder, L4D_ENC_QUALITY) : 0;
+  const double quality = eval::has_quality(encoder) ? encoder.value(L4D_ENC_QUALITY) : 0;
   std::function<TargetReached(eval::Encoding*)> search;
   if (target) {
     search = [&](eval::Encoding* to) {

@@ -98,7 +98,7 @@ void code_pieces(Context& context, LivePieces& pieces, const LiveEncoding& encod
                  LiveSession& session, Recording& recording, size_t* count) {
   Progress progress(context, "encode");
   GapNotes gaps(context);
-  const bool lossless = eval::get_parameter(encoding.encoder, L4D_ENC_LOSSLESS) != 0;
+  const bool lossless = encoding.encoder.value(L4D_ENC_LOSSLESS) != 0;
   while (const Input* piece = pieces.next()) {
     const auto code = [&](const io::Scene& scene) {
       encoding.encoder.check(

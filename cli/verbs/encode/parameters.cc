@@ -27,7 +27,7 @@ std::vector<double> parse_list(const std::string& list, const std::string& optio
 void set(const EncoderHandle& encoder, const std::string& name, const std::string& text,
          const std::string& option) {
   const std::string alone = name.substr(0, name.find('.'));
-  for (const l4d_parameter_info& info : eval::list_parameters()) {
+  for (const l4d_parameter_info& info : EncoderHandle::parameters()) {
     if (alone != info.name) continue;
     if (info.max_values > 1) {
       const std::vector<double> values = parse_list(text, option);
@@ -72,10 +72,7 @@ std::string describe(const l4d_parameter_info& info) {
 
 void EncodeParameters::add_options(Verb* verb) {
   const std::string group = "Coding";
-  std::vector<std::string> presets;
-  for (uint32_t i = 0; l4d_encoder_preset_name(i) != nullptr; ++i) {
-    presets.push_back(l4d_encoder_preset_name(i));
-  }
+  const std::vector<std::string> presets = EncoderHandle::preset_names();
   verb->add_option("--preset", preset, "Where the parameters start; listed below")
       ->type_name("NAME")
       ->one_of(presets)
@@ -221,11 +218,10 @@ bool EncodeParameters::sets(const std::string& name) const {
 void EncodeParameters::require_quality(const EncoderHandle& encoder,
                                        const std::string& option) const {
   if (eval::has_quality(encoder)) return;
-  throw usage_error(option + ": the preset '" + preset + "' with what is set codes by " +
-                    (eval::get_parameter(encoder, L4D_ENC_LOSSLESS) != 0
-                         ? "float32 bits"
-                         : "codebooks of given stages") +
-                    ", which no quality changes");
+  throw usage_error(
+      option + ": the preset '" + preset + "' with what is set codes by " +
+      (encoder.value(L4D_ENC_LOSSLESS) != 0 ? "float32 bits" : "codebooks of given stages") +
+      ", which no quality changes");
 }
 
 std::string parameter_help() {
@@ -236,7 +232,7 @@ std::string parameter_help() {
   }
   const auto add = [&](const char* title, bool stable) {
     text += title;
-    for (const l4d_parameter_info& info : eval::list_parameters()) {
+    for (const l4d_parameter_info& info : EncoderHandle::parameters()) {
       if ((info.stable != 0) != stable) continue;
       text += format("  %-28s ", info.name) + wrap(describe(info), 31) + "\n";
     }

@@ -18,18 +18,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-using List = std::unique_ptr<l4d_members, void (*)(l4d_members*)>;
-
-void check(l4d_status status) {
-  if (status != L4D_OK) throw Failure(status, l4d_last_error_message());
-}
-
-List list_of(const l4d_reader& reader) {
-  l4d_members* list = nullptr;
-  check(l4d_members_open(&reader, nullptr, &list));
-  return List(list, &l4d_members_destroy);
-}
-
 // What a member in memory says of itself. *stream: what it has in common with the others.
 MemberInfo describe(const std::vector<uint8_t>& bytes, uint64_t offset, uint64_t* stream) {
   l4d_reader reader = L4D_INIT(l4d_reader);
@@ -44,17 +32,10 @@ MemberInfo describe(const std::vector<uint8_t>& bytes, uint64_t offset, uint64_t
     std::memcpy(dst, from.data() + begin, count);
     return static_cast<int64_t>(count);
   };
-  const List list = list_of(reader);
-  MemberInfo m;
-  m.member = L4D_INIT(l4d_member);
-  check(l4d_members_get(list.get(), 0, &m.member));
-  m.needs.resize(m.member.num_needs);
-  uint64_t count = 0;
-  check(l4d_members_get_needs(list.get(), 0, m.needs.data(), m.needs.size(), &count));
+  const MembersHandle list(reader);
+  MemberInfo m{list.member(0), list.needs(0)};
   m.member.offset = offset;
-  l4d_members_info info = L4D_INIT(l4d_members_info);
-  check(l4d_members_get_info(list.get(), &info));
-  *stream = info.stream;
+  *stream = list.info().stream;
   return m;
 }
 
@@ -107,10 +88,10 @@ void Recording::add(const std::vector<uint8_t>& bytes) {
 }
 
 void Recording::finish() {
-  const List list = list_of(reader_of(*file_));
+  const MembersHandle list(reader_of(*file_));
   std::vector<uint8_t> index;
   const l4d_writer writer = writer_to(&index);
-  check(l4d_write_member_index(list.get(), &writer, nullptr));
+  require_ok(l4d_write_member_index(list.get(), &writer, nullptr));
   file_->append(index.data(), index.size());
   write_playlist(true);
 }

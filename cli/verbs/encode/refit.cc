@@ -95,7 +95,7 @@ uint32_t refit_passes(const EncodeArguments& arguments, const std::optional<eval
   const bool can = eval::can_refit(encoder);
   if (arguments.refit.empty()) {
     if (!can || !arguments.has_all_views()) return 0;
-    return eval::refit_defaults(backend, eval::get_parameter(encoder, L4D_ENC_EFFORT)).passes;
+    return eval::refit_defaults(backend, encoder.value(L4D_ENC_EFFORT)).passes;
   }
   if (!can) {
     throw usage_error("--refit: the preset '" + arguments.parameters.preset +

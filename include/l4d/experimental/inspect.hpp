@@ -3,8 +3,8 @@
 #ifndef L4D_EXPERIMENTAL_INSPECT_HPP
 #define L4D_EXPERIMENTAL_INSPECT_HPP
 
+#include "l4d/decode.hpp"
 #include "l4d/experimental/inspect.h"
-#include "l4d/l4d.hpp"
 
 namespace l4d {
 

@@ -91,16 +91,15 @@ l4d_renderer_options rendering_of(const Settings& settings, uint32_t threads) {
 
 std::string preset_names() {
   std::string names;
-  for (uint32_t i = 0; l4d_encoder_preset_name(i) != nullptr; ++i) {
-    names += std::string(names.empty() ? "" : ", ") + l4d_encoder_preset_name(i);
+  for (const std::string& name : EncoderHandle::preset_names()) {
+    names += (names.empty() ? "" : ", ") + name;
   }
   return names;
 }
 
 void check_preset(const std::string& preset) {
-  for (uint32_t i = 0; l4d_encoder_preset_name(i) != nullptr; ++i) {
-    if (preset == l4d_encoder_preset_name(i)) return;
-  }
+  const std::vector<std::string> known = EncoderHandle::preset_names();
+  if (std::find(known.begin(), known.end(), preset) != known.end()) return;
   throw Error(L4D_ERR_INVALID_ARGUMENT,
               "--encode is " + preset + "; it must be a preset of the encoder: " + preset_names());
 }

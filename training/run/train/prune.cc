@@ -27,9 +27,7 @@ std::vector<float> loss_without(const ModelState& model, const Capture& capture,
   std::vector<float> loss(model.count);
   float* weights[L4D_WEIGHT_COUNT] = {};
   weights[L4D_WEIGHT_OPACITY] = loss.data();
-  renderer.check(l4d_measure_importance(renderer.get(), cameras.data(),
-                                        static_cast<uint32_t>(cameras.size()), measured.data(),
-                                        measured.size(), &options, weights, model.count, nullptr));
+  renderer.measure_importance(cameras, measured, &options, weights, model.count);
   for (size_t i = 0; i < loss.size(); ++i) {
     const float change = linear_opacity(model.value.opacity[i], true) * loss[i];
     loss[i] = change * change;
@@ -39,16 +37,12 @@ std::vector<float> loss_without(const ModelState& model, const Capture& capture,
 
 std::vector<uint8_t> worth_their_bits(const io::Scene& scene, const io::Weights& weights,
                                       const std::string& preset, uint32_t threads) {
-  const EncoderHandle encoder = make_encoder(scene, preset, threads);
+  EncoderHandle encoder = make_encoder(scene, preset, threads);
   const l4d_importance importance = weights.view();
-  encoder.check(l4d_encoder_set_importance(encoder.get(), &importance));
+  encoder.set_importance(&importance);
   encoder.encode();
-  l4d_encode_report report = L4D_INIT(l4d_encode_report);
-  encoder.check(l4d_encoder_get_report(encoder.get(), &report));
-  std::vector<uint32_t> order(static_cast<size_t>(report.coded_gaussians));
-  encoder.check(l4d_encoder_get_order(encoder.get(), order.data(), order.size()));
   std::vector<uint8_t> mask(scene.count(), 0);
-  for (const uint32_t row : order) mask[row] = 1;
+  for (const uint32_t row : encoder.order()) mask[row] = 1;
   return mask;
 }
 
