@@ -16,6 +16,9 @@ constexpr uint32_t kMagic = 0x5053474e;  // "NGSP"
 constexpr size_t kHeader = 16, kHeader4 = 32, kEntry = 16;
 constexpr uint8_t kAntialiased = 1, kExtensions = 2;
 constexpr size_t kMostStreams = 6;
+constexpr uint32_t kAxes = 0xADBE0003;  // the extension SPZ_ADOBE_coordinate_system
+constexpr uint32_t kRightUpBack = 4, kRightDownForward = 6;
+constexpr size_t kMostOfExtensions = 65536;
 
 struct Header {
   uint32_t version = 0, count = 0;
@@ -144,6 +147,32 @@ std::vector<uint8_t> expand_streams(const Header& h, const std::vector<uint8_t>&
   return body;
 }
 
+// Records of extensions: type, length, payload. Only that of axes is read: without it they are
+// those of SPZ.
+void read_extensions(const uint8_t* at, size_t size, Scene* scene) {
+  bool are_all_read = size > 0;
+  while (size >= 8 && little_endian32(at + 4) <= size - 8) {
+    const uint32_t length = little_endian32(at + 4);
+    if (little_endian32(at) == kAxes && length == 4) {
+      const uint32_t axes = little_endian32(at + 8);
+      if (axes == kRightDownForward) {
+        scene->placement.coordinate_system = L4D_COORDINATES_RIGHT_DOWN_FORWARD;
+      } else if (axes != 0 && axes != kRightUpBack) {  // 0: not stated
+        scene->placement.coordinate_system = L4D_COORDINATES_UNKNOWN;
+        scene->notes.push_back("The SPZ file has axes of its own, number " + std::to_string(axes) +
+                               " of SPZ_ADOBE_coordinate_system, which stay as they are.");
+      }
+    } else {
+      are_all_read = false;
+    }
+    at += 8 + length;
+    size -= 8 + length;
+  }
+  if (!are_all_read || size > 0) {
+    scene->notes.push_back("Extensions of the SPZ file were not read.");
+  }
+}
+
 }  // namespace
 
 Scene read_spz(InputFile input, const ImportOptions& options) {
@@ -169,11 +198,12 @@ Scene read_spz(InputFile input, const ImportOptions& options) {
       hold(options.holder, 3 * bytes + static_scene_bytes(h.count, h.sh_degree), path);
   const bool has_extensions = (h.flags & kExtensions) != 0;
   // One byte more than there should be is seen, and so is the end of the compressed data.
-  const uint64_t most = kHeader + bytes + (has_extensions ? 0 : 1);
+  // Extensions are last.
+  const uint64_t most = kHeader + bytes + (has_extensions ? kMostOfExtensions : 1);
   std::vector<uint8_t> body =
       is_gzip ? expand_gzip(file.data(), file.size(), most, path) : expand_streams(h, file, path);
   const size_t skipped = is_gzip ? kHeader : 0;
-  if (body.size() != skipped + bytes) {
+  if (body.size() < skipped + bytes || (!has_extensions && body.size() > skipped + bytes)) {
     const std::string what = body.size() > skipped + bytes
                                  ? "more bytes of Gaussians than stated"
                                  : std::to_string(body.size() - skipped) + " bytes of Gaussians";
@@ -185,8 +215,10 @@ Scene read_spz(InputFile input, const ImportOptions& options) {
   Scene scene = static_scene(std::move(rows), "spz", options);
   scene.placement.coordinate_system = L4D_COORDINATES_RIGHT_UP_BACK;
   if ((h.flags & kAntialiased) != 0) scene.rendering.compensation = 1;
-  if (has_extensions) {
-    scene.notes.push_back("Extensions of the SPZ file were not read.");
+  if (has_extensions && is_gzip) {
+    read_extensions(body.data() + skipped + bytes, body.size() - skipped - bytes, &scene);
+  } else if (has_extensions) {  // between the header and the table
+    read_extensions(&file[kHeader4], little_endian32(&file[16]) - kHeader4, &scene);
   }
   scene.memory = std::move(memory);
   return scene;

@@ -125,6 +125,34 @@ TEST_F(SpzTest, AllVersionsAreRead) {
   }
 }
 
+// The extension SPZ_ADOBE_coordinate_system, behind one that is not known.
+TEST_F(SpzTest, AnExtensionStatesTheAxes) {
+  struct Case {
+    uint32_t axes, system;
+  };
+  for (const Case& c : {Case{6, L4D_COORDINATES_RIGHT_DOWN_FORWARD},
+                        Case{4, L4D_COORDINATES_RIGHT_UP_BACK}, Case{7, L4D_COORDINATES_UNKNOWN}}) {
+    std::string records;
+    for (const uint32_t word : {0x12340001U, 3U}) test::append(records, word);
+    records += "abc";
+    for (const uint32_t word : {0xADBE0003U, 4U, c.axes}) test::append(records, word);
+    std::string four = file_of(4, 1);
+    four[14] = 2;
+    four[16] = static_cast<char>(32 + records.size());
+    four.insert(32, records);
+    std::string three = header(3, 1);
+    three[14] = 2;
+    for (const std::string& part : streams(3, 1)) three += part;
+    write("four.spz", four);
+    write("three.spz", gzip(three + records));
+    for (const char* name : {"four.spz", "three.spz"}) {
+      const Scene scene = read_scene_file(path(name), name);
+      EXPECT_EQ(scene.count(), kCount);
+      EXPECT_EQ(scene.placement.coordinate_system, c.system) << name << " " << c.axes;
+    }
+  }
+}
+
 TEST_F(SpzTest, EveryTruncationIsRefused) {
   for (const uint32_t version : {2U, 3U, 4U}) {
     const std::string whole = file_of(version, 1);
