@@ -28,9 +28,9 @@ constexpr Matrix3 kIdentity = {1, 0, 0, 0, 1, 0, 0, 0, 1};
 // Half a turn around x: of scenes whose y is down.
 constexpr Matrix3 kHalfTurn = {1, 0, 0, 0, -1, 0, 0, 0, -1};
 
-// A scale, the same along all axes, and a rotation.
+// Scales along the axes, and then a rotation.
 struct Turn {
-  double scale = 1;
+  Vec3 scale{1, 1, 1};
   Matrix3 rotation = kIdentity;
 
   bool is(const Matrix3& other) const {
@@ -39,25 +39,29 @@ struct Turn {
     }
     return true;
   }
+  bool is_even() const {
+    return std::abs(scale[1] - scale[0]) <= kSame * scale[0] &&
+           std::abs(scale[2] - scale[0]) <= kSame * scale[0];
+  }
 };
 
 Turn turn_of(const GltfDocument& document, const Matrix3& m) {
   const auto column = [&](size_t j) { return Vec3{m[j], m[3 + j], m[6 + j]}; };
   Turn turn;
-  turn.scale = std::sqrt(dot(column(0), column(0)));
-  const double square = turn.scale * turn.scale;
-  bool is_even = turn.scale > 0 && std::isfinite(square);
+  bool is_turn = dot(cross(column(0), column(1)), column(2)) > 0;
   for (size_t j = 0; j < 3; ++j) {
-    for (size_t k = 0; k < 3; ++k) {
-      const double wanted = j == k ? square : 0;
-      is_even = is_even && std::abs(dot(column(j), column(k)) - wanted) <= kSame * square;
+    turn.scale[j] = std::sqrt(dot(column(j), column(j)));
+    is_turn = is_turn && turn.scale[j] > 0 && std::isfinite(turn.scale[j] * turn.scale[j]);
+    for (size_t k = 0; k < j; ++k) {
+      is_turn =
+          is_turn && std::abs(dot(column(j), column(k))) <= kSame * turn.scale[j] * turn.scale[k];
     }
   }
-  if (!is_even || dot(cross(column(0), column(1)), column(2)) < 0) {
+  if (!is_turn) {
     throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
-                document.path() + ": a node scales splats unevenly, or mirrors them");
+                document.path() + ": a node shears splats, or mirrors them");
   }
-  for (size_t k = 0; k < 9; ++k) turn.rotation[k] = m[k] / turn.scale;
+  for (size_t k = 0; k < 9; ++k) turn.rotation[k] = m[k] / turn.scale[k % 3];
   return turn;
 }
 
@@ -129,7 +133,8 @@ class GltfReader {
     const auto required = document_.root().find("extensionsRequired");
     if (required == document_.root().end() || !required->is_array()) return;
     for (const Json& name : *required) {
-      if (name == kGltfSplats) continue;
+      // Integers are read anyway, as of positions and of other attributes.
+      if (name == kGltfSplats || name == "KHR_mesh_quantization") continue;
       throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
                   document_.path() + ": it needs the extension " + name.dump() + " of glTF");
     }
@@ -242,12 +247,12 @@ class GltfReader {
     GltfPlace& place = parts_[0].place;
     const Turn turn = turn_of(document_, place.linear);
     const bool is_down = turn.is(kHalfTurn);
-    if (!is_down && !turn.is(kIdentity)) return;
+    if (!turn.is_even() || (!is_down && !turn.is(kIdentity))) return;
     const double sign = is_down ? -1 : 1;
     const Vec3& t = place.translation;
     const Vec3 origin = {t[0], sign * t[1], sign * t[2]};
     std::copy(origin.begin(), origin.end(), placement_.origin);
-    placement_.scale = turn.scale;
+    placement_.scale = turn.scale[0];
     if (is_down) placement_.coordinate_system = L4D_COORDINATES_RIGHT_DOWN_FORWARD;
     place.linear = kIdentity;
     place.translation = {};
@@ -286,21 +291,42 @@ class GltfReader {
     const bool is_turned = !turn.is(kIdentity);
     is_draft_ = is_draft_ || are_logs;
     for (size_t i = 0; i < part.count; ++i) {
+      Vec3 log_scale{};
+      for (size_t k = 0; k < 3; ++k) {
+        const double s = static_cast<double>(scale[3 * i + k]);
+        log_scale[k] = are_logs ? s : std::log(std::max(s, kLeastScale));
+      }
       const float* q = &xyzw[4 * i];
       const auto as_double = [&](size_t k) { return static_cast<double>(q[k]); };
       Vec4 wxyz = {as_double(3), as_double(0), as_double(1), as_double(2)};
-      if (is_turned) {
-        wxyz = matrix_to_quaternion(product(turn.rotation, quaternion_to_matrix(wxyz)));
+      if (!turn.is_even()) {
+        stretch(part.place.linear, &wxyz, &log_scale);
+      } else {
+        if (is_turned) {
+          wxyz = matrix_to_quaternion(product(turn.rotation, quaternion_to_matrix(wxyz)));
+        }
+        for (double& s : log_scale) s += std::log(turn.scale[0]);
       }
       for (size_t k = 0; k < 4; ++k) {
         rows_.rotation[4 * (begin_ + i) + k] = static_cast<float>(wxyz[k]);
       }
       for (size_t k = 0; k < 3; ++k) {
-        const double s = static_cast<double>(scale[3 * i + k]);
-        const double log = are_logs ? s : std::log(std::max(s, kLeastScale));
-        rows_.log_scale[3 * (begin_ + i) + k] = static_cast<float>(log + std::log(turn.scale));
+        rows_.log_scale[3 * (begin_ + i) + k] = static_cast<float>(log_scale[k]);
       }
     }
+  }
+
+  // Another ellipsoid, whose axes are not where those of the first go.
+  static void stretch(const Matrix3& linear, Vec4* wxyz, Vec3* log_scale) {
+    const Matrix3 axes = product(linear, quaternion_to_matrix(*wxyz));
+    std::array<Vec4, 3> rows{};
+    for (size_t j = 0; j < 3; ++j) {
+      for (size_t k = 0; k < 3; ++k) rows[j][k] = axes[3 * j + k] * std::exp((*log_scale)[k]);
+    }
+    const Shape3 shape = shape_of_rows(rows);
+    *wxyz = shape.wxyz;
+    for (size_t k = 0; k < 3; ++k)
+      (*log_scale)[k] = std::log(std::max(shape.scale[k], kLeastScale));
   }
 
   void add_opacities(const Part& part) {

@@ -132,6 +132,44 @@ TEST_F(GltfTest, NodesTurnPositionsShapesAndColours) {
   }
 }
 
+// The extension allows any scales above 0: covariances become M C M^T.
+TEST_F(GltfTest, NodesStretchShapes) {
+  Json json = document();
+  json["nodes"][0]["scale"] = {1, 2, 4};
+  json["nodes"][0]["rotation"] = {0, kQuarter, 0, kQuarter};
+  const Scene scene = read(json);
+  const Splats splats = three_splats();
+  ASSERT_EQ(scene.count(), 3u);
+  for (size_t i = 0; i < 3; ++i) {
+    const float* c = &splats.covariance[6 * i];
+    // x becomes -z, four times as long z becomes x.
+    const Matrix3 shape = covariance(scene, i);
+    EXPECT_NEAR(shape[0], 16 * static_cast<double>(c[5]), 1e-4);
+    EXPECT_NEAR(shape[1], 8 * static_cast<double>(c[4]), 1e-4);
+    EXPECT_NEAR(shape[2], -4 * static_cast<double>(c[2]), 1e-4);
+    EXPECT_NEAR(shape[4], 4 * static_cast<double>(c[3]), 1e-4);
+    EXPECT_NEAR(shape[8], static_cast<double>(c[0]), 1e-4);
+    EXPECT_FLOAT_EQ(scene.position[3 * i], 4 * splats.position[3 * i + 2]);
+    const Vec3 before = color(2, &splats.sh[27 * i], {0.48, -0.6, 0.64});
+    const Vec3 after = color(2, &scene.sh[27 * i], {0.64, -0.6, -0.48});
+    for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(before[k], after[k], 1e-5) << i;
+  }
+}
+
+// Positions of integers need another extension than that of splats.
+TEST_F(GltfTest, QuantizedPositionsAreRead) {
+  Json json = document();
+  json["extensionsRequired"] = {"KHR_mesh_quantization"};
+  // 1 -1 0, 2 0 3, 0 0 -4, each with a byte that is skipped.
+  json["buffers"].push_back(
+      {{"byteLength", 12}, {"uri", "data:application/octet-stream;base64,Af8AAAIAAwAAAPwA"}});
+  json["bufferViews"].push_back({{"buffer", 1}, {"byteLength", 12}, {"byteStride", 4}});
+  Json& accessor = json["accessors"][0];
+  accessor["bufferView"] = json["bufferViews"].size() - 1;
+  accessor["componentType"] = 5120;
+  EXPECT_EQ(read(json).position, (std::vector<float>{1, -1, 0, 2, 0, 3, 0, 0, -4}));
+}
+
 TEST_F(GltfTest, IntegersThatAreSharesAndStrides) {
   Json json = document();
   // Opacities 1 and 51/255 in bytes, each with three that are skipped, in a data URI: ff..33..80.
@@ -195,10 +233,8 @@ TEST_F(GltfTest, WhatIsNotReadIsRefused) {
        [](Json& j) {
          j["nodes"][0]["scale"] = {-1, 1, 1};
        }},
-      {"uneven", L4D_ERR_FEATURE_UNSUPPORTED, "unevenly",
-       [](Json& j) {
-         j["nodes"][0]["scale"] = {1, 2, 1};
-       }},
+      {"sheared", L4D_ERR_FEATURE_UNSUPPORTED, "shears",
+       [](Json& j) { j["nodes"][0]["matrix"] = {1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}; }},
       {"a node in itself", L4D_ERR_CORRUPT, "two places",
        [](Json& j) { j["nodes"][0]["children"] = {0}; }},
       {"a node that is none", L4D_ERR_CORRUPT, "no entry 7 of nodes",
