@@ -48,12 +48,12 @@ class Tool:
         return json.loads(made.stdout)
 
 
-def install(folder):
+def install(folder, packages=PACKAGES):
     """True where the packages are there afterwards."""
     if not shutil.which("npm") or not shutil.which("node"):
         return False
     (folder / "package.json").write_text('{"private": true}\n', encoding="utf-8")
-    made = subprocess.run(["npm", "install", "--no-audit", "--no-fund", "--silent", *PACKAGES],
+    made = subprocess.run(["npm", "install", "--no-audit", "--no-fund", "--silent", *packages],
                           cwd=folder, check=False)
     return made.returncode == 0
 
