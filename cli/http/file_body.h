@@ -9,19 +9,20 @@
 
 #include "cli/http/folder.h"
 #include "cli/http/line.h"
-#include "cli/http/message.h"
 
 namespace l4d::cli {
 
 // Bytes [begin, end) of a file, over a line. They are those of one state of the file: where it is
 // overwritten on the way, the body ends early. A file that grows keeps what was sent, and goes on.
-class FileBody : public HttpBody {
+class FileBody {
  public:
   // line and sent (bytes of all bodies) outlive the body.
   FileBody(std::shared_ptr<ServedFile> file, uint64_t begin, uint64_t end, Line& line,
            std::atomic<uint64_t>& sent);
-  uint64_t size() const override { return end_ - begin_; }
-  size_t read(char* to, size_t n) override;
+  uint64_t size() const { return end_ - begin_; }
+  // The next bytes, at most n: how many, or 0 to cut the connection. Called by one thread at a
+  // time, until size() bytes have come.
+  size_t read(char* to, size_t n);
 
  private:
   bool is_as_sent();

@@ -34,7 +34,7 @@ struct Running {
 struct Sending {
   Connections& connections;
   Connections::One* one;
-  std::unique_ptr<HttpBody> body;
+  std::unique_ptr<FileBody> body;
 };
 
 Connections::One* one_of(MHD_Connection* connection) {

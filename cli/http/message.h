@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "cli/http/file_body.h"
+
 namespace l4d::cli {
 
 using HttpHeaders = std::vector<std::pair<std::string, std::string>>;
@@ -34,21 +36,11 @@ struct HttpRequest {
   }
 };
 
-// What follows the headers of an answer, where it is not a short text.
-class HttpBody {
- public:
-  virtual ~HttpBody() = default;
-  virtual uint64_t size() const = 0;
-  // The next bytes, at most n: how many, or 0 to cut the connection. Called by one thread at a
-  // time, until size() bytes have come.
-  virtual size_t read(char* to, size_t n) = 0;
-};
-
 struct HttpAnswer {
   int status = 200;
   HttpHeaders headers;
   std::string text;
-  std::unique_ptr<HttpBody> body;  // in place of `text`
+  std::unique_ptr<FileBody> body;  // in place of `text`
   bool is_known = false;           // the client has shown that it may ask
   bool closes = false;             // the connection ends with it
 };

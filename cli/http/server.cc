@@ -264,7 +264,7 @@ struct Server::Parts {
     return answer;
   }
 
-  std::unique_ptr<HttpBody> body_of(const std::shared_ptr<ServedFile>& file, uint64_t begin,
+  std::unique_ptr<FileBody> body_of(const std::shared_ptr<ServedFile>& file, uint64_t begin,
                                     uint64_t end) {
     return std::make_unique<FileBody>(file, begin, end, line, bytes);
   }
