@@ -28,6 +28,13 @@ Status slice_into(Scene& scene, double time, int, MemoryBudget& memory, Frame<do
 
 }  // namespace
 
+#ifndef L4D_HAVE_CUDA
+Status make_device_renderer(const DeviceRendererOptions&, std::unique_ptr<DeviceRenderer>*) {
+  return Status(L4D_ERR_FEATURE_UNSUPPORTED,
+                "this build has no device code: use another backend, or build with L4D_CUDA=ON");
+}
+#endif
+
 Renderer::Renderer(const l4d_renderer_options& options)
     : threads_(static_cast<int>(options.threads)),
       cuda_(options.backend == L4D_BACKEND_CUDA),

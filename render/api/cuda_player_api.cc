@@ -6,10 +6,10 @@
 
 #include "l4d/experimental/cuda_player.h"
 #include "libl4dcodec/base/c_api.h"
+#include "render/api/device.h"
 #include "render/api/first_versions.h"
 #include "render/api/read_camera.h"
 #include "render/cuda/player/bucket_feed.h"
-#include "render/cuda/player/device_player.h"
 #include "render/view/camera.h"
 
 using l4d::Status;
@@ -25,15 +25,16 @@ using l4d::api::write_struct;
 using l4d::render::BucketFeed;
 
 struct l4d_cuda_player {
-  std::unique_ptr<l4d::render::DevicePlayer> player;
+  explicit l4d_cuda_player(const l4d_cuda_player_options& options) : player(options) {}
+  mutable l4d::render::Player player;
   mutable l4d::api::Busy busy;
 };
 
 namespace {
 
 template <typename Body>
-l4d_status call(l4d_cuda_player* handle, const char* bad, const Body& body) {
-  return call_on(handle, bad, [&] { return body(*handle->player); });
+l4d_status call(const l4d_cuda_player* handle, const char* bad, const Body& body) {
+  return call_on(handle, bad, [&] { return on_device(handle->player, body); });
 }
 
 // Calls that are allowed while another one runs. The engine keeps its failures for last_error.
@@ -43,8 +44,10 @@ l4d_status call_beside(const l4d_cuda_player* handle, const char* bad, const Bod
   l4d_status status = L4D_OK;
   const Status failure = guard([&]() -> Status {
     if (bad != nullptr) return l4d::invalid_argument(bad);
-    status = body(handle->player->feed());
-    return {};
+    return on_device(handle->player, [&](auto& p) -> Status {
+      status = body(p.feed());
+      return {};
+    });
   });
   return failure.ok() ? status : keep_last(failure);
 }
@@ -66,8 +69,8 @@ l4d_status l4d_cuda_player_create(const l4d_cuda_player_options* options, l4d_cu
         o.no_read_ahead > 1 || o.automatic > 1 || o.no_wait > 1) {
       return l4d::invalid_argument("an option of the player is out of range");
     }
-    auto handle = std::make_unique<l4d_cuda_player>();
-    L4D_RETURN_IF_ERROR(l4d::render::make_device_player(o, &handle->player));
+    auto handle = std::make_unique<l4d_cuda_player>(o);
+    L4D_RETURN_IF_ERROR(on_device(handle->player, [](auto& p) { return p.create(); }));
     *out = handle.release();
     return {};
   }));
@@ -111,8 +114,8 @@ l4d_status l4d_cuda_player_get_stats(l4d_cuda_player* player, void* stream,
 }
 l4d_status l4d_cuda_player_get_counters(const l4d_cuda_player* player,
                                         l4d_cuda_player_counters* counters) {
-  return call_on(player, required(counters), [&]() -> Status {
-    write_struct(player->player->counters(), counters);
+  return call(player, required(counters), [&](auto& p) -> Status {
+    write_struct(p.counters(), counters);
     return {};
   });
 }

@@ -9,10 +9,11 @@
 #include "libl4dcodec/base/c_api.h"
 #include "libl4dcodec/scene/layers.h"
 #include "libl4dcodec/scene/sh.h"
+#include "render/api/device.h"
 #include "render/api/first_versions.h"
 #include "render/api/read_camera.h"
-#include "render/cuda/scene/device_live.h"
 #include "render/view/camera.h"
+#include "render/view/view.h"
 
 using l4d::invalid_argument;
 using l4d::Status;
@@ -29,7 +30,7 @@ using l4d::api::write_struct;
 using l4d::render::LiveView;
 
 struct l4d_cuda_live {
-  std::unique_ptr<l4d::render::DeviceLive> live;
+  l4d::render::Live live;
   mutable l4d::api::Busy busy;
 };
 
@@ -37,11 +38,13 @@ namespace {
 
 template <typename Body>
 l4d_status call(l4d_cuda_live* handle, const char* bad, const Body& body) {
-  return call_on(handle, bad, [&] { return body(*handle->live); });
+  return call_on(handle, bad, [&] { return on_device(handle->live, body); });
 }
 
+// Builds without device code call neither of these.
 // *sh_stride: as given or, where that is 0, what follows from the degree.
-Status check_scene(const l4d_gaussians& g, const l4d_timeline& timeline, uint32_t* sh_stride) {
+[[maybe_unused]] Status check_scene(const l4d_gaussians& g, const l4d_timeline& timeline,
+                                    uint32_t* sh_stride) {
   if (g.sh_degree > 3) return invalid_argument("sh_degree is above 3");
   if (g.count > 0 && !l4d::has_all_arrays(g, true)) {
     return invalid_argument("an attribute array is NULL");
@@ -58,7 +61,7 @@ Status check_scene(const l4d_gaussians& g, const l4d_timeline& timeline, uint32_
   return {};
 }
 
-Status read_view(const l4d_cuda_live_view& in, LiveView* out) {
+[[maybe_unused]] Status read_view(const l4d_cuda_live_view& in, LiveView* out) {
   if (const char* bad = required(in.camera)) return invalid_argument(bad);
   out->camera = read_camera(*in.camera);
   L4D_RETURN_IF_ERROR(l4d::render::check_camera(out->camera));
@@ -83,8 +86,11 @@ l4d_status l4d_cuda_live_create(const l4d_cuda_renderer_options* options, l4d_cu
       return invalid_argument("sh_format must be FLOAT32, device at most 4096, time_passes 0 or 1");
     }
     auto handle = std::make_unique<l4d_cuda_live>();
-    L4D_RETURN_IF_ERROR(l4d::render::make_device_live(static_cast<int>(o.device), &handle->live));
-    if (o.time_passes != 0) L4D_RETURN_IF_ERROR(handle->live->time_passes());
+    const auto create = [&](auto& l) -> Status {
+      L4D_RETURN_IF_ERROR(l.create(static_cast<int>(o.device)));
+      return o.time_passes != 0 ? l.time_passes() : Status();
+    };
+    L4D_RETURN_IF_ERROR(on_device(handle->live, create));
     *out = handle.release();
     return {};
   }));

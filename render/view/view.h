@@ -44,6 +44,15 @@ SplatRules<T> make_rules(const l4d_rendering& r) {
   return rules;
 }
 
+// A view of a trainer, checked.
+struct LiveView {
+  l4d_camera camera;
+  double time;
+  float background[3];
+  float* rgb;
+  float* alpha;
+};
+
 // A camera, checked, with what all Gaussians need of it.
 template <typename T>
 struct View {

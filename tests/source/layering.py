@@ -66,13 +66,12 @@ LAYERS["render/cuda/frame/image_target.h"] = {"include/l4d"}
 LAYERS["render/cuda/importance/device_importance.h"] = {"include/l4d", "libl4dcodec/base"}
 _above("render/cuda/scene/device_renderer.h", "render/view/view.h", "render/cuda/frame/image_target.h",
        "render/cuda/importance/device_importance.h")
-_above("render/cuda/player/device_player.h", "libl4dcodec/base", "render/cuda/frame/image_target.h")
 LAYERS["render/cuda/player/resident_buckets.h"] = set()
 _above("render/cuda/player/bucket_feed.h", "libl4dcodec/base", "render/cuda/player/resident_buckets.h")
-_above("render/cuda/scene/device_live.h", "libl4dcodec/base", "render/view/view.h")
 _above("render", "libl4dcodec/math", "libl4dcodec/scene", "render/cuda/scene/device_renderer.h",
-       "render/cuda/player/device_player.h", "render/cuda/player/bucket_feed.h", "render/cuda/scene/device_live.h")
+       "render/cuda/player/bucket_feed.h")
 _above("render/cuda", "render", "libl4dcodec/cuda")
+_above("render/api", "render/cuda")
 # Evaluations: neither command lines nor documents, so that whoever measures can use them.
 _above("eval", "io")
 _above("cli", "eval")

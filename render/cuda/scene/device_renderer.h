@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rendering on a CUDA device, told without a type of CUDA: what the ordinary renderer and the API
 // of device-resident rendering call. Device arrays are plain pointers, streams are cudaStream_t as
-// void*.
+// void*. This class and DeviceImportance are abstract because host code of builds without device
+// code calls them, too: what is left to link there is one function.
 #pragma once
 
 #include <cstddef>

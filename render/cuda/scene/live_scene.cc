@@ -1,18 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Each view of a forward has a frame and a stream of its own, so that kernels that do not fill
-// the device share it; events order them after what was launched before, and what is launched
-// after behind them.
+#include "render/cuda/scene/live_scene.h"
+
 #include <algorithm>
 
 #include "render/cuda/backward/backward_pass.h"
-#include "render/cuda/scene/device_live.h"
-#include "render/cuda/scene/refresh.h"
 
 namespace l4d::render {
-namespace {
 
 // A view of a forward, and what its backward pass goes on from.
-struct Lane {
+struct Live::Lane {
   DeviceFrame frame;
   BackwardPass back;
   cudaStream_t stream = nullptr;  // of lane 0: the caller's
@@ -40,176 +36,118 @@ struct Lane {
   }
 };
 
-class Live : public DeviceLive {
- public:
-  Status create(int device) {
-    device_ = device;
-    L4D_RETURN_IF_ERROR(l4d::cuda::use_device(device));
-    L4D_RETURN_IF_ERROR(counts_.reserve(sizeof(LiveCounts)));
-    L4D_RETURN_IF_ERROR(report_.reserve(sizeof(LiveCounts)));
-    for (cudaEvent_t* event : {&begin_, &copied_}) {
-      L4D_RETURN_IF_CUDA_ERROR(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
-    }
-    return {};
-  }
-  ~Live() override {
-    static_cast<void>(use());
-    cudaDeviceSynchronize();
-    for (cudaEvent_t event : {begin_, copied_}) {
-      if (event != nullptr) cudaEventDestroy(event);
-    }
-  }
+Live::Live() = default;
 
-  Status set_scene(const l4d_gaussians& gaussians, const l4d_timeline& timeline,
-                   const l4d_cuda_live_rows& rows) override {
-    L4D_RETURN_IF_ERROR(use());
-    state_ = kNothing;
-    has_copy_ = false;
-    L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
-    StoreShape shape = shape_of(gaussians, timeline);
-    shape.sh = StoredSh::kExternal;
-    L4D_RETURN_IF_ERROR(store_.reserve(shape));
-    const Batch all{0, static_cast<uint32_t>(shape.slots), kMoving};
-    L4D_RETURN_IF_ERROR(store_.set_batches(&all, shape.slots > 0 ? 1 : 0, nullptr));
-    L4D_RETURN_IF_CUDA_ERROR(cudaMemset(counts_.data(), 0, sizeof(LiveCounts)));
-    gaussians_ = gaussians;
-    rows_ = rows;
-    degree_ = gaussians.sh_degree;
-    has_scene_ = true;
-    L4D_RETURN_IF_ERROR(show_scene());
-    L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
-    return {};
+Status Live::create(int device) {
+  device_ = device;
+  L4D_RETURN_IF_ERROR(l4d::cuda::use_device(device));
+  L4D_RETURN_IF_ERROR(counts_.reserve(sizeof(LiveCounts)));
+  L4D_RETURN_IF_ERROR(report_.reserve(sizeof(LiveCounts)));
+  for (cudaEvent_t* event : {&begin_, &copied_}) {
+    L4D_RETURN_IF_CUDA_ERROR(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
   }
-  Status set_sh_degree(uint32_t degree) override {
-    if (!has_scene_) return Status(L4D_ERR_INVALID_STATE, "there is no scene");
-    if (degree > gaussians_.sh_degree) {
-      return invalid_argument("degree is above that of the scene");
-    }
-    state_ = std::min(state_, kRefreshed);
-    degree_ = degree;
-    return show_scene();
-  }
-  Status refresh(void* stream) override {
-    L4D_RETURN_IF_ERROR(use());
-    if (!has_scene_) return Status(L4D_ERR_INVALID_STATE, "there is no scene");
-    launch_refresh(gaussians_, rows_.count, store_.sequence(), store_.resident(), counts(),
-                   static_cast<cudaStream_t>(stream));
-    store_.touch();
-    L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
-    state_ = kRefreshed;
-    return {};
-  }
-  Status reserve(const l4d_cuda_frame_capacity& wanted, uint32_t views) override {
-    L4D_RETURN_IF_ERROR(use());
-    state_ = std::min(state_, kRefreshed);
-    FrameCapacity capacity;
-    capacity.width = static_cast<int>(wanted.width);
-    capacity.height = static_cast<int>(wanted.height);
-    capacity.visible = static_cast<uint32_t>(std::min<uint64_t>(wanted.visible, kSlotMask));
-    capacity.instances = static_cast<uint32_t>(std::min<uint64_t>(wanted.instances, ~0u));
-    capacity.backward = true;
-    L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
-    while (lanes_.size() < views) {
-      auto lane = std::make_unique<Lane>();
-      L4D_RETURN_IF_ERROR(lane->create(!lanes_.empty()));
-      if (!lanes_.empty()) {
-        L4D_RETURN_IF_ERROR(lane->back.reserve(lanes_[0]->frame.capacity(), &lane->frame));
-      }
-      if (timed_) L4D_RETURN_IF_ERROR(lane->frame.time_passes());
-      lanes_.push_back(std::move(lane));
-    }
-    for (const auto& lane : lanes_) {
-      L4D_RETURN_IF_ERROR(lane->back.reserve(capacity, &lane->frame));
-    }
-    return has_scene_ ? show_scene() : Status();
-  }
+  return {};
+}
 
-  Status forward(const std::vector<LiveView>& views, void* stream) override;
-  Status backward(const std::vector<l4d_cuda_live_loss>& losses, const l4d_gradients& gradients,
-                  const l4d_cuda_live_statistics& statistics, void* stream) override;
-
-  Status copy_report(void* stream) override {
-    L4D_RETURN_IF_ERROR(use());
-    const auto on = static_cast<cudaStream_t>(stream);
-    L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(report_.data(), counts_.data(), sizeof(LiveCounts),
-                                             cudaMemcpyDeviceToHost, on));
-    L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(copied_, on));
-    has_copy_ = true;
-    return {};
+Live::~Live() {
+  static_cast<void>(use());
+  cudaDeviceSynchronize();
+  for (cudaEvent_t event : {begin_, copied_}) {
+    if (event != nullptr) cudaEventDestroy(event);
   }
-  Status get_report(bool wait, l4d_cuda_live_report* out) override {
-    L4D_RETURN_IF_ERROR(use());
-    if (!has_copy_) return Status(L4D_ERR_INVALID_STATE, "no report was copied");
-    if (wait) {
-      L4D_RETURN_IF_CUDA_ERROR(cudaEventSynchronize(copied_));
-    } else {
-      const cudaError_t error = cudaEventQuery(copied_);
-      if (error == cudaErrorNotReady) {
-        return Status(L4D_ERR_INVALID_STATE, "the copy of the report is not complete");
-      }
-      L4D_RETURN_IF_CUDA_ERROR(error);
+}
+
+Status Live::set_scene(const l4d_gaussians& gaussians, const l4d_timeline& timeline,
+                       const l4d_cuda_live_rows& rows) {
+  L4D_RETURN_IF_ERROR(use());
+  state_ = kNothing;
+  has_copy_ = false;
+  L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
+  StoreShape shape = shape_of(gaussians, timeline);
+  shape.sh = StoredSh::kExternal;
+  L4D_RETURN_IF_ERROR(store_.reserve(shape));
+  const Batch all{0, static_cast<uint32_t>(shape.slots), kMoving};
+  L4D_RETURN_IF_ERROR(store_.set_batches(&all, shape.slots > 0 ? 1 : 0, nullptr));
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemset(counts_.data(), 0, sizeof(LiveCounts)));
+  gaussians_ = gaussians;
+  rows_ = rows;
+  degree_ = gaussians.sh_degree;
+  has_scene_ = true;
+  L4D_RETURN_IF_ERROR(show_scene());
+  L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
+  return {};
+}
+
+Status Live::set_sh_degree(uint32_t degree) {
+  if (!has_scene_) return Status(L4D_ERR_INVALID_STATE, "there is no scene");
+  if (degree > gaussians_.sh_degree) {
+    return invalid_argument("degree is above that of the scene");
+  }
+  state_ = std::min(state_, kRefreshed);
+  degree_ = degree;
+  return show_scene();
+}
+
+Status Live::refresh(void* stream) {
+  L4D_RETURN_IF_ERROR(use());
+  if (!has_scene_) return Status(L4D_ERR_INVALID_STATE, "there is no scene");
+  launch_refresh(gaussians_, rows_.count, store_.sequence(), store_.resident(), counts(),
+                 static_cast<cudaStream_t>(stream));
+  store_.touch();
+  L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
+  state_ = kRefreshed;
+  return {};
+}
+
+Status Live::reserve(const l4d_cuda_frame_capacity& wanted, uint32_t views) {
+  L4D_RETURN_IF_ERROR(use());
+  state_ = std::min(state_, kRefreshed);
+  FrameCapacity capacity;
+  capacity.width = static_cast<int>(wanted.width);
+  capacity.height = static_cast<int>(wanted.height);
+  capacity.visible = static_cast<uint32_t>(std::min<uint64_t>(wanted.visible, kSlotMask));
+  capacity.instances = static_cast<uint32_t>(std::min<uint64_t>(wanted.instances, ~0u));
+  capacity.backward = true;
+  L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
+  while (lanes_.size() < views) {
+    auto lane = std::make_unique<Lane>();
+    L4D_RETURN_IF_ERROR(lane->create(!lanes_.empty()));
+    if (!lanes_.empty()) {
+      L4D_RETURN_IF_ERROR(lane->back.reserve(lanes_[0]->frame.capacity(), &lane->frame));
     }
-    const LiveCounts& c = *report_.as<LiveCounts>();
-    out->views = c.views;
-    out->skipped = c.skipped;
-    out->rows = c.rows;
-    out->required_visible = c.required_visible;
-    out->required_instances = c.required_instances;
-    out->visible = c.visible;
-    out->projected = c.projected;
-    out->instances = c.instances;
-    // Times of passes are known once all of them have run.
-    if (timed_ && state_ >= kWentForward) return lanes_[0]->frame.pass_seconds(out->seconds);
-    return {};
+    if (timed_) L4D_RETURN_IF_ERROR(lane->frame.time_passes());
+    lanes_.push_back(std::move(lane));
   }
-  Status time_passes() override {
-    L4D_RETURN_IF_ERROR(use());
-    timed_ = true;
-    for (const auto& lane : lanes_) L4D_RETURN_IF_ERROR(lane->frame.time_passes());
-    return {};
+  for (const auto& lane : lanes_) {
+    L4D_RETURN_IF_ERROR(lane->back.reserve(capacity, &lane->frame));
   }
+  return has_scene_ ? show_scene() : Status();
+}
 
- private:
-  // What the calls so far allow.
-  enum State { kNothing, kRefreshed, kWentForward, kWentBack };
+Status Live::use() const {
+  L4D_RETURN_IF_CUDA_ERROR(cudaSetDevice(device_));
+  return {};
+}
 
-  Status use() const {
-    L4D_RETURN_IF_CUDA_ERROR(cudaSetDevice(device_));
-    return {};
-  }
-  LiveCounts* counts() const { return counts_.as<LiveCounts>(); }
-  // The store, and what lanes need to slice it, so that forward() only launches.
-  Status show_scene() {
-    store_.set_external_sh(gaussians_.sh, rows_.sh_stride, degree_);
-    for (const auto& lane : lanes_) L4D_RETURN_IF_ERROR(lane->frame.reserve_slices(store_));
-    return {};
-  }
-  cudaStream_t stream_of(size_t lane, void* callers) const {
-    return lane == 0 ? static_cast<cudaStream_t>(callers) : lanes_[lane]->stream;
-  }
-  // The lanes from 1 on wait for the caller's stream.
-  Status fork(size_t lanes, void* stream) {
-    L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(begin_, static_cast<cudaStream_t>(stream)));
-    for (size_t v = 1; v < lanes; ++v) {
-      L4D_RETURN_IF_CUDA_ERROR(cudaStreamWaitEvent(lanes_[v]->stream, begin_));
-    }
-    return {};
-  }
-  Status render(size_t lane, size_t leader, cudaStream_t stream);
+// The store, and what lanes need to slice it, so that forward() only launches.
+Status Live::show_scene() {
+  store_.set_external_sh(gaussians_.sh, rows_.sh_stride, degree_);
+  for (const auto& lane : lanes_) L4D_RETURN_IF_ERROR(lane->frame.reserve_slices(store_));
+  return {};
+}
 
-  int device_ = 0;
-  SceneStore store_;
-  std::vector<std::unique_ptr<Lane>> lanes_;
-  cuda::DeviceMemory counts_;
-  cuda::PinnedMemory report_;
-  cudaEvent_t begin_ = nullptr, copied_ = nullptr;
-  bool has_copy_ = false, has_scene_ = false, timed_ = false;
-  l4d_gaussians gaussians_{};  // device arrays of the caller's
-  l4d_cuda_live_rows rows_{};
-  uint32_t degree_ = 0;
-  State state_ = kNothing;
-  size_t num_views_ = 0;  // of the last forward
-};
+cudaStream_t Live::stream_of(size_t lane, void* callers) const {
+  return lane == 0 ? static_cast<cudaStream_t>(callers) : lanes_[lane]->stream;
+}
+
+// The lanes from 1 on wait for the caller's stream.
+Status Live::fork(size_t lanes, void* stream) {
+  L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(begin_, static_cast<cudaStream_t>(stream)));
+  for (size_t v = 1; v < lanes; ++v) {
+    L4D_RETURN_IF_CUDA_ERROR(cudaStreamWaitEvent(lanes_[v]->stream, begin_));
+  }
+  return {};
+}
 
 // The frame of a lane, which shares the slice of `leader`, itself or a lane before it.
 Status Live::render(size_t lane, size_t leader, cudaStream_t stream) {
@@ -294,12 +232,46 @@ Status Live::backward(const std::vector<l4d_cuda_live_loss>& losses, const l4d_g
   return {};
 }
 
-}  // namespace
+Status Live::copy_report(void* stream) {
+  L4D_RETURN_IF_ERROR(use());
+  const auto on = static_cast<cudaStream_t>(stream);
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(report_.data(), counts_.data(), sizeof(LiveCounts),
+                                           cudaMemcpyDeviceToHost, on));
+  L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(copied_, on));
+  has_copy_ = true;
+  return {};
+}
 
-Status make_device_live(int device, std::unique_ptr<DeviceLive>* out) {
-  auto live = std::make_unique<Live>();
-  L4D_RETURN_IF_ERROR(live->create(device));
-  *out = std::move(live);
+Status Live::get_report(bool wait, l4d_cuda_live_report* out) {
+  L4D_RETURN_IF_ERROR(use());
+  if (!has_copy_) return Status(L4D_ERR_INVALID_STATE, "no report was copied");
+  if (wait) {
+    L4D_RETURN_IF_CUDA_ERROR(cudaEventSynchronize(copied_));
+  } else {
+    const cudaError_t error = cudaEventQuery(copied_);
+    if (error == cudaErrorNotReady) {
+      return Status(L4D_ERR_INVALID_STATE, "the copy of the report is not complete");
+    }
+    L4D_RETURN_IF_CUDA_ERROR(error);
+  }
+  const LiveCounts& c = *report_.as<LiveCounts>();
+  out->views = c.views;
+  out->skipped = c.skipped;
+  out->rows = c.rows;
+  out->required_visible = c.required_visible;
+  out->required_instances = c.required_instances;
+  out->visible = c.visible;
+  out->projected = c.projected;
+  out->instances = c.instances;
+  // Times of passes are known once all of them have run.
+  if (timed_ && state_ >= kWentForward) return lanes_[0]->frame.pass_seconds(out->seconds);
+  return {};
+}
+
+Status Live::time_passes() {
+  L4D_RETURN_IF_ERROR(use());
+  timed_ = true;
+  for (const auto& lane : lanes_) L4D_RETURN_IF_ERROR(lane->frame.time_passes());
   return {};
 }
 
