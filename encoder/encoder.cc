@@ -69,7 +69,8 @@ void add_escapes(const EncoderScene& scene, unsigned level, bool flat,
 // What stays is shared by all layers.
 void distribute_sh(int threads, CodedScene* coded) {
   CodedComponent& sh = coded->sh;
-  if (!sh.any_escape) sh.decoded = std::vector<float>();
+  const auto* vq = std::get_if<CodedVq>(&sh);
+  if (vq == nullptr || !vq->any_escape) rows_of(sh).decoded = std::vector<float>();
   for (CodedLayer& layer : coded->layers) {
     layer.component[L4D_COMPONENT_SH] = codes_of(sh, layer.gaussians, threads);
   }
@@ -125,7 +126,7 @@ class Encoder::Run {
     sh_apart_ = options_.device != nullptr && resolve_threads(threads_) > 1 && !lossless_ &&
                 settings_.get_int(Parameter::kCoding, L4D_COMPONENT_SH) == 0;
     if (lossless_) {
-      coded_.sh.coding = ComponentCodingId::kRaw32;
+      coded_.sh = RawRows{};
     } else {
       sh_options_ = options_;
       if (sh_apart_) {

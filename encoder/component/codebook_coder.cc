@@ -55,18 +55,17 @@ std::vector<uint32_t> largest_error(const std::vector<uint32_t>& members,
   return chosen;
 }
 
-class ComponentCoder {
+class VqCoder {
  public:
-  ComponentCoder(const float* rows, const float* weights, size_t n, size_t dim,
-                 const std::vector<BlockRange>& blocks, const ComponentSettings& settings)
+  VqCoder(const float* rows, const float* weights, size_t n, size_t dim,
+          const std::vector<BlockRange>& blocks, const ComponentSettings& settings)
       : rows_(rows), weights_(weights), blocks_(blocks), settings_(settings) {
-    out_.coding = ComponentCodingId::kVq;
     out_.n = n;
     out_.dim = dim;
     out_.depth.assign(n, 0);
   }
 
-  CodedComponent run() {
+  CodedVq run() {
     choose_escapes();
     code_stage0();
     code_residual_stages();
@@ -191,7 +190,7 @@ class ComponentCoder {
       return;
     }
     // Escapes have no index: blocks are coded without them.
-    CodedComponent part;
+    CodedVq part;
     part.n = n;
     part.dim = dim;
     part.codebooks = {codebook};
@@ -406,7 +405,7 @@ class ComponentCoder {
   const ComponentSettings& settings_;
   std::vector<uint32_t> coded_;
   double effective_dim_ = 1;  // of what is left, where bits have a price
-  CodedComponent out_;
+  CodedVq out_;
 };
 
 }  // namespace
@@ -425,97 +424,9 @@ ComponentSettings component_settings(const EncoderSettings& settings, unsigned c
   return s;
 }
 
-CodedComponent code_component(const float* rows, const float* weights, size_t n, size_t dim,
-                              const std::vector<BlockRange>& blocks,
-                              const ComponentSettings& settings) {
-  return ComponentCoder(rows, weights, n, dim, blocks, settings).run();
-}
-
-void drop_gaussians(CodedComponent& c, const std::vector<uint8_t>& keep) {
-  if (c.is_transform()) {
-    drop_gaussians(c.transform, keep);
-    c.depth.assign(c.n, 0);
-  }
-  size_t to = 0;
-  for (size_t i = 0; i < c.n; ++i) {
-    if (!keep[i]) continue;
-    c.depth[to] = c.depth[i];
-    for (auto& index : c.index) index[to] = index[i];
-    std::copy_n(c.decoded.begin() + static_cast<std::ptrdiff_t>(i * c.dim), c.dim,
-                c.decoded.begin() + static_cast<std::ptrdiff_t>(to * c.dim));
-    ++to;
-  }
-  c.n = to;
-  c.depth.resize(to);
-  for (auto& index : c.index) index.resize(to);
-  c.decoded.resize(to * c.dim);
-}
-
-CodedComponent codes_of(const CodedComponent& c, const std::vector<uint32_t>& which, int threads) {
-  const size_t n = which.size();
-  CodedComponent out;
-  out.coding = c.coding;
-  out.n = n;
-  out.dim = c.dim;
-  out.any_escape = c.any_escape;
-  const auto pick = [&](const auto& from, size_t width, auto* to) {
-    if (from.empty()) return;
-    to->resize(n * width);
-    parallel_for(threads, n, kGrain, [&](size_t begin, size_t end) {
-      for (size_t j = begin; j < end; ++j) {
-        std::copy_n(from.data() + width * which[j], width, to->data() + width * j);
-      }
-    });
-  };
-  const auto pick_each = [&](const auto& from, auto* to) {
-    to->resize(from.size());
-    for (size_t k = 0; k < from.size(); ++k) pick(from[k], 1, &(*to)[k]);
-  };
-  pick(c.depth, 1, &out.depth);
-  pick_each(c.index, &out.index);
-  if (c.any_escape) pick(c.decoded, c.dim, &out.decoded);
-  pick(c.transform.step_exponent, 1, &out.transform.step_exponent);
-  pick(c.transform.eob_index, 1, &out.transform.eob_index);
-  pick_each(c.transform.coefficient, &out.transform.coefficient);
-  return out;
-}
-
-void drop_codes(CodedComponent& c) {
-  // Assigned, not cleared: their memory goes too.
-  c.n = 0;
-  c.depth = std::vector<uint8_t>();
-  c.index = std::vector<std::vector<uint16_t>>();
-  c.decoded = std::vector<float>();
-  c.transform.step_exponent = std::vector<uint8_t>();
-  c.transform.eob_index = std::vector<uint8_t>();
-  c.transform.coefficient = std::vector<std::vector<int16_t>>();
-}
-
-CodedComponent code_component_transform(const float* rows, const float* weights, size_t n,
-                                        size_t dim, const TransformSettings& settings) {
-  CodedComponent out;
-  out.n = n;
-  out.dim = dim;
-  out.coding = ComponentCodingId::kTransform;
-  out.transform = code_transform(rows, weights, n, dim, settings, &out.decoded);
-  return out;
-}
-
-void describe_component(const CodedComponent& c, ComponentCoding* coding) {
-  coding->coding = c.coding;
-  if (coding->transform()) describe_transform(c.transform, coding);
-  if (!coding->vq()) return;
-  coding->escapes = c.any_escape;
-  coding->stages.resize(c.codebooks.size());
-  for (size_t s = 0; s < c.codebooks.size(); ++s) {
-    coding->stages[s].num_entries = static_cast<uint32_t>(c.codebooks[s].size() / c.dim);
-    coding->stages[s].step = s < c.steps.size() ? c.steps[s] : 0;
-    coding->stages[s].element = coding->stages[s].step > 0 ? ElementType::kSq : ElementType::kF16;
-  }
-  coding->has_rcq = !c.residual_codebook.empty();
-  if (coding->has_rcq) {
-    coding->rcq.num_entries = static_cast<uint32_t>(c.residual_codebook.size() / c.dim);
-  }
+CodedVq code_vq(const float* rows, const float* weights, size_t n, size_t dim,
+                const std::vector<BlockRange>& blocks, const ComponentSettings& settings) {
+  return VqCoder(rows, weights, n, dim, blocks, settings).run();
 }
 
 }  // namespace l4d

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <variant>
 #include <vector>
 
 #include "encoder/component/transform_coder.h"
@@ -40,10 +41,8 @@ struct BlockRange {
   size_t end = 0;
 };
 
-struct CodedComponent {
-  ComponentCodingId coding = ComponentCodingId::kZero;
-  size_t n = 0;
-  size_t dim = 0;
+// In codebooks.
+struct CodedVq : CodedRows {
   std::vector<std::vector<float>> codebooks;  // per stage [entries, dim], values of its elements
   std::vector<float> steps;                   // per stage: of SQ elements; 0 = binary16
   std::vector<uint8_t> depth;                 // [n]; kEscapeDepth = escape
@@ -52,11 +51,38 @@ struct CodedComponent {
   std::vector<float> residual_codebook;  // RCQ, [entries, dim]; empty = no RCQ
   // One per block; empty = that block indexes the layer's codebook.
   std::vector<std::vector<RcqPair>> block_tables;
-  std::vector<float> decoded;      // [n, dim], bit-exact
-  CodedTransform transform;        // of a transform, which has none of the above but `decoded`
   double weighted_distortion = 0;  // sum of weight x squared error
-
-  bool is_transform() const { return coding == ComponentCodingId::kTransform; }
 };
+
+// Stored as they are.
+struct RawRows : CodedRows {};
+
+// In the order of ComponentCodingId. Rows alone are all zero.
+using CodedComponent = std::variant<CodedRows, RawRows, CodedVq, CodedTransform>;
+
+inline CodedRows& rows_of(CodedComponent& c) {
+  return std::visit([](CodedRows& rows) -> CodedRows& { return rows; }, c);
+}
+inline const CodedRows& rows_of(const CodedComponent& c) {
+  return std::visit([](const CodedRows& rows) -> const CodedRows& { return rows; }, c);
+}
+
+// Drops Gaussians (keep[i] = 0) from a coded set.
+void drop_gaussians(CodedComponent& component, const std::vector<uint8_t>& keep);
+
+// What pages hold of the Gaussians `which`, in that order: depths and indices, or step_exponents,
+// EOB indices and coefficients; `decoded` where there are escapes. Codebooks and bases stay behind.
+CodedComponent codes_of(const CodedComponent& component, const std::vector<uint32_t>& which,
+                        int threads);
+
+// Leaves the codebooks or the basis alone.
+void drop_codes(CodedComponent& component);
+
+// Orders every codebook by use, most used first, without the entries nobody uses: small numbers
+// become frequent, which any entropy coder after this likes. Changes no decoded value.
+void sort_codebooks_by_frequency(CodedVq& component, const std::vector<BlockRange>& blocks);
+
+// What the header will say of a coded component, but for where its chunks lie.
+void describe_component(const CodedComponent& component, ComponentCoding* coding);
 
 }  // namespace l4d

@@ -9,20 +9,19 @@
 #include "libl4dcodec/entropy/rans_encoder.h"
 
 namespace l4d {
-namespace {
 
-double transform_bits(const CodedTransform& t, size_t n, size_t dim) {
+double component_bits(const CodedTransform& t) {
   ChannelBits step_exponents(1), eob_indices(kTransformStepExponents);
-  double bits = codebook_bits(static_cast<double>(t.steps.size() + 1), dim);
-  for (size_t i = 0; i < n; ++i) {
+  double bits = codebook_bits(static_cast<double>(t.steps.size() + 1), t.dim);
+  for (size_t i = 0; i < t.n; ++i) {
     step_exponents.add(0, t.step_exponent[i]);
     eob_indices.add(t.step_exponent[i], t.eob_index[i]);
   }
   bits += step_exponents.total() + eob_indices.total();
   ComponentCoding coding;
   coding.eob_table = t.eob_table;
-  std::vector<uint8_t> have(n);
-  for (size_t i = 0; i < n; ++i) {
+  std::vector<uint8_t> have(t.n);
+  for (size_t i = 0; i < t.n; ++i) {
     have[i] = static_cast<uint8_t>(eob_coefficients(coding, t.eob_index[i]));
   }
   const auto magnitude = [&](size_t k, size_t i) {
@@ -30,7 +29,7 @@ double transform_bits(const CodedTransform& t, size_t n, size_t dim) {
   };
   for (size_t k = 0; k < t.coefficient.size(); ++k) {
     ChannelBits channel(size_t{kTransformStepExponents} * kMagnitudes);
-    for (size_t i = 0; i < n; ++i) {
+    for (size_t i = 0; i < t.n; ++i) {
       if (have[i] <= k) continue;
       unsigned before = k > 0 ? magnitude(k - 1, i) : 0;
       if (k > 1) before += magnitude(k - 2, i);
@@ -41,8 +40,6 @@ double transform_bits(const CodedTransform& t, size_t n, size_t dim) {
   }
   return bits;
 }
-
-}  // namespace
 
 void ChannelBits::add(size_t context, uint16_t value) {
   const RansToken token = hybrid_token(value);
@@ -67,8 +64,7 @@ double ChannelBits::total() const {
   return raw_ + nats / std::log(2.0);
 }
 
-double component_bits(const CodedComponent& c) {
-  if (c.is_transform()) return transform_bits(c.transform, c.n, c.dim);
+double component_bits(const CodedVq& c) {
   double bits = 0;
   ChannelBits depths(1);
   std::vector<ChannelBits> stages(c.codebooks.size(), ChannelBits(1));

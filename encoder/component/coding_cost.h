@@ -25,7 +25,12 @@ class ChannelBits {
 
 // Indices, depths, escapes, step_exponents, coefficients, codebooks and bases. Tables of blocks
 // come on top of nothing: with them, stage 0 counts as if it had none.
-double component_bits(const CodedComponent& component);
+double component_bits(const CodedVq& component);
+double component_bits(const CodedTransform& component);
+inline double component_bits(const CodedRows&) { return 0; }
+inline double component_bits(const CodedComponent& component) {
+  return std::visit([](const auto& coded) { return component_bits(coded); }, component);
+}
 
 double codes_bits(const std::vector<uint16_t>& codes);
 

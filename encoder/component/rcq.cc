@@ -143,9 +143,8 @@ std::vector<std::vector<float>> train_block_codebooks(const float* rows, const f
 
 void code_blocks(const float* rows, const float* weights, const std::vector<BlockRange>& blocks,
                  const ComponentSettings& settings, const std::vector<float>& distance,
-                 const std::vector<std::vector<float>>& block_codebooks,
-                 CodedComponent* component) {
-  CodedComponent& c = *component;
+                 const std::vector<std::vector<float>>& block_codebooks, CodedVq* component) {
+  CodedVq& c = *component;
   const size_t dim = c.dim;
   const std::vector<float>& global = c.codebooks[0];
   const ComponentSettings serial = serial_settings(settings);

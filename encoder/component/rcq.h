@@ -25,6 +25,6 @@ std::vector<std::vector<float>> train_block_codebooks(const float* rows, const f
 // trained again. Updates index, decoded, block_tables and residual_codebook of `component`.
 void code_blocks(const float* rows, const float* weights, const std::vector<BlockRange>& blocks,
                  const ComponentSettings& settings, const std::vector<float>& distance,
-                 const std::vector<std::vector<float>>& block_codebooks, CodedComponent* component);
+                 const std::vector<std::vector<float>>& block_codebooks, CodedVq* component);
 
 }  // namespace l4d

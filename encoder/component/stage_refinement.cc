@@ -18,7 +18,7 @@ constexpr size_t kCellGrain = 32;
 class Refiner {
  public:
   Refiner(const float* rows, const float* weights, const ComponentSettings& settings,
-          CodedComponent& component)
+          CodedVq& component)
       : rows_(rows),
         weights_(weights),
         settings_(settings),
@@ -129,14 +129,14 @@ class Refiner {
   const float* rows_;
   const float* weights_;
   const ComponentSettings& settings_;
-  CodedComponent& c_;
+  CodedVq& c_;
   std::unique_ptr<float[]> room_;  // for what other stages leave, one stage after the other
 };
 
 }  // namespace
 
 void refine_stages(const float* rows, const float* weights, const ComponentSettings& settings,
-                   CodedComponent* component) {
+                   CodedVq* component) {
   if (!component->block_tables.empty()) return;
   if (component->codebooks.size() < 2 && !(settings.rd_lambda > 0)) return;
   Refiner(rows, weights, settings, *component).run();

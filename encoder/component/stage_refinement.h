@@ -13,6 +13,6 @@ namespace l4d {
 // without a price of bits, and nothing where blocks have codebooks of their own: those were made
 // for the codewords they refer to.
 void refine_stages(const float* rows, const float* weights, const ComponentSettings& settings,
-                   CodedComponent* component);
+                   CodedVq* component);
 
 }  // namespace l4d

@@ -41,10 +41,9 @@ double half_value(double v) {
 }
 
 // basis: with the padding that loops of a decoder rely on.
-TransformSource source_of(const CodedTransform& coded, size_t dim,
-                          const std::vector<float>& basis) {
+TransformSource source_of(const CodedTransform& coded, const std::vector<float>& basis) {
   TransformSource source;
-  source.dim = dim;
+  source.dim = coded.dim;
   source.num_coefficients = coded.steps.size();
   source.basis = basis.data();
   source.steps = coded.steps.data();
@@ -60,14 +59,16 @@ TransformSource source_of(const CodedTransform& coded, size_t dim,
 class TransformCoder {
  public:
   TransformCoder(const float* rows, const float* weights, size_t n, size_t dim,
-                 const TransformSettings& settings, std::vector<float>* decoded)
+                 const TransformSettings& settings)
       : rows_(rows),
         weights_(weights),
         n_(n),
         dim_(dim),
         base_(settings.principal_axes ? std::min(settings.base, dim) : 0),
-        settings_(settings),
-        decoded_(*decoded) {}
+        settings_(settings) {
+    out_.n = n;
+    out_.dim = dim;
+  }
 
   CodedTransform run() {
     find_axes();
@@ -404,10 +405,10 @@ class TransformCoder {
   }
 
   void decode() {
-    decoded_.resize(n_ * dim_);
+    out_.decoded.resize(n_ * dim_);
     std::vector<float> padded = out_.basis;
     padded.resize(padded.size() + 16);
-    TransformSource source = source_of(out_, dim_, padded);
+    TransformSource source = source_of(out_, padded);
     IntegerBasis integers;
     if (settings_.integers) {
       integers = integer_basis(padded.data(), dim_, out_.steps.data(), out_.steps.size());
@@ -420,7 +421,7 @@ class TransformCoder {
       for (size_t i = begin; i < end; ++i) {
         TransformCursor cursor;
         cursor.coefficient.fill(i);
-        float* const row = decoded_.data() + i * dim_;
+        float* const row = out_.decoded.data() + i * dim_;
         if (settings_.integers) {
           kernels.integer_rows(source, cursor, i, i + 1, row, false);
         } else {
@@ -436,7 +437,6 @@ class TransformCoder {
   size_t dim_;
   size_t base_;  // leading numbers, and coefficients, of the base
   const TransformSettings& settings_;
-  std::vector<float>& decoded_;
   float step0_ = 0;
   int base_octaves_ = 0;
   std::vector<double> decoded_axes_;  // [dim, dim]
@@ -445,29 +445,30 @@ class TransformCoder {
 
 }  // namespace
 
-bool code_row(const float* row, size_t dim, size_t i, unsigned step_exponent, CodedTransform& coded,
-              float* decoded) {
-  if (step_exponent >= kTransformStepExponents) return false;
+bool refine_row(const float* row, size_t i, CodedTransform& coded) {
+  const int step_exponent = coded.step_exponent[i] + 1;
+  if (step_exponent >= static_cast<int>(kTransformStepExponents)) return false;
   constexpr size_t kMaxDim = 4;
   int16_t q[kMaxDim];
-  for (size_t k = 0; k < dim; ++k) {
+  for (size_t k = 0; k < coded.dim; ++k) {
     const double c = (static_cast<double>(row[k]) - static_cast<double>(coded.basis[k])) /
                      static_cast<double>(coded.steps[k]);
-    const double scaled = std::ldexp(c, static_cast<int>(step_exponent));
+    const double scaled = std::ldexp(c, step_exponent);
     if (!(std::fabs(scaled) <= kMaxCoefficient)) return false;
     q[k] = nearest_code<int16_t>(scaled, -kMaxCoefficient, kMaxCoefficient);
   }
   coded.step_exponent[i] = static_cast<uint8_t>(step_exponent);
-  for (size_t k = 0; k < dim; ++k) coded.coefficient[k][i] = q[k];
+  for (size_t k = 0; k < coded.dim; ++k) coded.coefficient[k][i] = q[k];
   std::vector<float> padded = coded.basis;
   padded.resize(padded.size() + 16);
   TransformCursor cursor;
   cursor.coefficient.fill(i);
-  transform_kernels_reference().rows(source_of(coded, dim, padded), cursor, i, i + 1, decoded);
+  transform_kernels_reference().rows(source_of(coded, padded), cursor, i, i + 1,
+                                     coded.decoded.data() + i * coded.dim);
   return true;
 }
 
-void drop_unused_coefficients(CodedTransform& coded, size_t dim) {
+void drop_unused_coefficients(CodedTransform& coded) {
   size_t used = coded.coefficient.size();
   const auto unused = [](const std::vector<int16_t>& column) {
     return std::all_of(column.begin(), column.end(), [](int16_t q) { return q == 0; });
@@ -475,32 +476,13 @@ void drop_unused_coefficients(CodedTransform& coded, size_t dim) {
   while (used > 1 && unused(coded.coefficient[used - 1])) --used;
   coded.steps.resize(used);
   coded.coefficient.resize(used);
-  coded.basis.resize((used + 1) * dim);
+  coded.basis.resize((used + 1) * coded.dim);
   coded.eob_table.assign(1, static_cast<uint8_t>(used));
 }
 
 CodedTransform code_transform(const float* rows, const float* weights, size_t n, size_t dim,
-                              const TransformSettings& settings, std::vector<float>* decoded) {
-  return TransformCoder(rows, weights, n, dim, settings, decoded).run();
-}
-
-void drop_gaussians(CodedTransform& c, const std::vector<uint8_t>& keep) {
-  const auto compact = [&](auto& values) {
-    size_t to = 0;
-    for (size_t i = 0; i < keep.size(); ++i) {
-      if (keep[i]) values[to++] = values[i];
-    }
-    values.resize(to);
-  };
-  compact(c.step_exponent);
-  compact(c.eob_index);
-  for (auto& values : c.coefficient) compact(values);
-}
-
-void describe_transform(const CodedTransform& coded, ComponentCoding* coding) {
-  coding->steps = coded.steps;
-  coding->eob_table = coded.eob_table;
-  coding->basis.num_entries = static_cast<uint32_t>(coded.steps.size() + 1);
+                              const TransformSettings& settings) {
+  return TransformCoder(rows, weights, n, dim, settings).run();
 }
 
 }  // namespace l4d

@@ -35,8 +35,15 @@ struct TransformSettings {
   int threads = 0;
 };
 
-// A component of n Gaussians as coefficients, valid below what the EOB index has.
-struct CodedTransform {
+// A component of a set of Gaussians, as a decoder will have it.
+struct CodedRows {
+  size_t n = 0;
+  size_t dim = 0;
+  std::vector<float> decoded;  // [n, dim], bit-exact
+};
+
+// As coefficients, valid below what the EOB index has.
+struct CodedTransform : CodedRows {
   size_t base = 0;           // leading coefficients that make the base
   std::vector<float> basis;  // [coefficients + 1, dim], the origin first, binary16 values
   std::vector<float> steps;  // [coefficients]
@@ -47,21 +54,15 @@ struct CodedTransform {
 };
 
 // rows: [n, dim]. weights: [n], mean squared change of the image by a change of one number of a
-// row. decoded: [n, dim], as a decoder will have them, bit for bit.
+// row.
 CodedTransform code_transform(const float* rows, const float* weights, size_t n, size_t dim,
-                              const TransformSettings& settings, std::vector<float>* decoded);
+                              const TransformSettings& settings);
 
-// Codes row i once more, in step exponent `step_exponent`; decoded: [dim]. False, with nothing
-// changed, where there is no such step exponent or a coefficient would be too large for it. Without
-// principal axes only.
-bool code_row(const float* row, size_t dim, size_t i, unsigned step_exponent, CodedTransform& coded,
-              float* decoded);
+// Codes row i once more, in the next finer steps. False, with nothing changed, where there are none
+// or a coefficient would be too large for them. Without principal axes only.
+bool refine_row(const float* row, size_t i, CodedTransform& coded);
 
 // Drops trailing coefficients that are 0 in all rows, of transforms without principal axes.
-void drop_unused_coefficients(CodedTransform& coded, size_t dim);
-
-void drop_gaussians(CodedTransform& coded, const std::vector<uint8_t>& keep);
-
-void describe_transform(const CodedTransform& coded, ComponentCoding* coding);
+void drop_unused_coefficients(CodedTransform& coded);
 
 }  // namespace l4d

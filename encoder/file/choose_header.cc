@@ -60,7 +60,9 @@ SceneHeader choose_header(const HeaderSource& source, const CodedScene& coded,
       choose_positions(source.positions, coded.layers, source.lossless);
   header.opacity = choose_opacity(source, coded.layers);
   describe_component(coded.sh, &header.sh);
-  if (header.sh.transform()) header.sh_base = static_cast<unsigned>(coded.sh.transform.base);
+  if (const auto* transform = std::get_if<CodedTransform>(&coded.sh)) {
+    header.sh_base = static_cast<unsigned>(transform->base);
+  }
   for (const CodedLayer& layer : coded.layers) header.layers.push_back(layer_header(layer));
   // Lossless streams have no errors.
   *worst = {};

@@ -58,22 +58,15 @@ class FileBuilder {
   }
 
   void add_component(const CodedComponent& c, ComponentCoding* coding) {
-    if (coding->transform()) {
-      coding->basis.codebook =
-          make_chunk(encode_codebook(streams_, coding->basis, c.transform.basis.data(),
-                                     static_cast<uint32_t>(c.dim)),
-                     &codebooks_);
-    }
-    if (!coding->vq()) return;
-    const uint32_t dim = static_cast<uint32_t>(c.dim);
-    for (size_t s = 0; s < c.codebooks.size(); ++s) {
-      StageCoding& stage = coding->stages[s];
-      stage.codebook =
-          make_chunk(encode_codebook(streams_, stage, c.codebooks[s].data(), dim), &codebooks_);
-    }
-    if (coding->has_rcq) {
-      coding->rcq.codebook = make_chunk(
-          encode_codebook(streams_, coding->rcq, c.residual_codebook.data(), dim), &codebooks_);
+    const uint32_t dim = static_cast<uint32_t>(rows_of(c).dim);
+    const auto add = [&](const std::vector<float>& entries, StageCoding* to) {
+      to->codebook = make_chunk(encode_codebook(streams_, *to, entries.data(), dim), &codebooks_);
+    };
+    if (const auto* transform = std::get_if<CodedTransform>(&c)) {
+      add(transform->basis, &coding->basis);
+    } else if (const auto* vq = std::get_if<CodedVq>(&c)) {
+      for (size_t s = 0; s < vq->codebooks.size(); ++s) add(vq->codebooks[s], &coding->stages[s]);
+      if (coding->has_rcq) add(vq->residual_codebook, &coding->rcq);
     }
   }
 
@@ -153,10 +146,10 @@ class FileBuilder {
     for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
       if (record.tables[c].num_entries == 0) continue;
       const ComponentCoding& coding = header_.layers[l].component[c];
-      ChunkRef ref =
-          make_chunk(encode_rcq_table(streams_, layers_[l].component[c].block_tables[block],
-                                      coding.stages[0].num_entries, coding.rcq.num_entries),
-                     &payload_);
+      ChunkRef ref = make_chunk(
+          encode_rcq_table(streams_, std::get<CodedVq>(layers_[l].component[c]).block_tables[block],
+                           coding.stages[0].num_entries, coding.rcq.num_entries),
+          &payload_);
       ref.offset = payload_bytes_;
       payload_bytes_ += ref.stored_bytes;
       record.tables[c].chunk = ref;

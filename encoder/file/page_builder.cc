@@ -290,9 +290,11 @@ class LayerBuilder {
       }
       return;
     }
-    const CodedComponent& from = layer_.component[c];
-    if (coding.transform()) return add_transform(coding, from.transform, cut, &to);
+    if (coding.transform()) {
+      return add_transform(coding, std::get<CodedTransform>(layer_.component[c]), cut, &to);
+    }
     if (!coding.vq()) return;
+    const CodedVq& from = std::get<CodedVq>(layer_.component[c]);
     for (size_t i = cut.begin; i < cut.end; ++i) {
       const size_t j = order_[i];
       const uint8_t depth = from.depth[j];
@@ -397,10 +399,9 @@ class LayerBuilder {
 BlockRecord block_entries(const CodedLayer& layer, size_t block) {
   BlockRecord record;
   for (unsigned c = 0; c < L4D_COMPONENT_COUNT; ++c) {
-    const auto& tables = layer.component[c].block_tables;
-    if (block < tables.size()) {
-      record.tables[c].num_entries = static_cast<uint32_t>(tables[block].size());
-    }
+    const auto* vq = std::get_if<CodedVq>(&layer.component[c]);
+    if (vq == nullptr || block >= vq->block_tables.size()) continue;
+    record.tables[c].num_entries = static_cast<uint32_t>(vq->block_tables[block].size());
   }
   return record;
 }

@@ -32,11 +32,11 @@ ColorErrors largest_color_errors(const EncoderScene& scene, const CodedComponent
   ColorErrors worst;
   std::mutex mutex;
   const size_t dim = scene.sh_dim();
+  const float* decoded = rows_of(sh).decoded.data();
   parallel_for(threads, scene.count, kGrain, [&](size_t begin, size_t end) {
     ColorErrors own;
     for (size_t i = begin; i < end; ++i) {
-      const ColorErrors e =
-          color_errors(scene.sh.data() + dim * i, sh.decoded.data() + dim * i, dim / 3);
+      const ColorErrors e = color_errors(scene.sh.data() + dim * i, decoded + dim * i, dim / 3);
       own.base = std::max(own.base, e.base);
       own.directional = std::max(own.directional, e.directional);
     }

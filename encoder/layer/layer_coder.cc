@@ -103,7 +103,8 @@ class LayerCoder {
     if (!lossless_) {
       finish_shapes(&out_);
       for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-        sort_codebooks_by_frequency(out_.component[c], out_.blocks);
+        auto* vq = std::get_if<CodedVq>(&out_.component[c]);
+        if (vq != nullptr) sort_codebooks_by_frequency(*vq, out_.blocks);
       }
     }
     return std::move(out_);
@@ -175,7 +176,7 @@ class LayerCoder {
   void describe_lossless() {
     out_.scale_factor.coding = ScalarCodingId::kConstant;
     for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-      out_.component[c].coding = ComponentCodingId::kRaw32;
+      out_.component[c] = RawRows{};
     }
   }
 
@@ -256,8 +257,8 @@ class LayerCoder {
         const double then = placed_excess();
         refiner.restore(j, c, before);
         // What a bit more for each of its numbers gains, as far as it has to.
-        const double gained =
-            std::log(worst / std::max(then, 1.0)) / static_cast<double>(out_.component[c].dim);
+        const double gained = std::log(worst / std::max(then, 1.0)) /
+                              static_cast<double>(rows_of(out_.component[c]).dim);
         if (gained > gain) {
           gain = gained;
           best = then;
@@ -420,7 +421,7 @@ CodedLayer code_escapes(const EncoderScene& scene, unsigned level, bool flat,
   if (flat) choose_window_codes(scene, &out);
   out.scale_factor.coding = ScalarCodingId::kConstant;
   for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-    out.component[c].coding = ComponentCodingId::kRaw32;
+    out.component[c] = RawRows{};
   }
   for (const uint32_t i : out.gaussians) {
     const SeenGaussian seen = scene.seen(i);

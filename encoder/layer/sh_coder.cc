@@ -28,8 +28,8 @@ CodedComponent as_transform(const EncoderScene& scene, const CoderOptions& optio
   t.keeps = color_check(scene, options.bounds);
   t.base_error = options.bounds.base_color / sh_constant::k0;
   t.threads = options.threads;
-  return code_component_transform(scene.sh.data(), scene.importance[kSh].data(), scene.count,
-                                  scene.sh_dim(), t);
+  return code_transform(scene.sh.data(), scene.importance[kSh].data(), scene.count, scene.sh_dim(),
+                        t);
 }
 
 CodedComponent in_codebooks(const EncoderScene& scene, const CoderOptions& options,
@@ -43,8 +43,7 @@ CodedComponent in_codebooks(const EncoderScene& scene, const CoderOptions& optio
   s.rd_lambda = rd_lambda;
   s.keeps = color_check(scene, options.bounds);
   const std::vector<float>& weights = rd_lambda > 0 ? scene.importance[kSh] : scene.weight[kSh];
-  CodedComponent sh =
-      code_component(scene.sh.data(), weights.data(), scene.count, scene.sh_dim(), {}, s);
+  CodedVq sh = code_vq(scene.sh.data(), weights.data(), scene.count, scene.sh_dim(), {}, s);
   sort_codebooks_by_frequency(sh, {});
   return sh;
 }
@@ -67,8 +66,9 @@ CodedComponent code_sh(const EncoderScene& scene, const CoderOptions& options) {
   if (coding != 2) return best;
   CodedComponent other = as_transform(scene, options, quality);
   const auto cost = [&](const CodedComponent& c) {
-    return component_bits(c) + weighted_error(scene.sh.data(), c.decoded.data(),
-                                              scene.importance[kSh].data(), c.n, c.dim) /
+    return component_bits(c) + weighted_error(scene.sh.data(), rows_of(c).decoded.data(),
+                                              scene.importance[kSh].data(), scene.count,
+                                              scene.sh_dim()) /
                                    quality.rd_lambda(kSh);
   };
   return cost(other) <= cost(best) && reaches_all(other) ? std::move(other) : std::move(best);

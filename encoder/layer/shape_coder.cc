@@ -53,15 +53,17 @@ float decoded_factor(const ScalarCoding& f, const std::vector<uint16_t>& codes, 
 // In the decoder's float arithmetic.
 void decoded_rotor(const CodedComponent& spatial, const CodedComponent& temporal, size_t j,
                    float* rotor) {
-  if (spatial.is_transform()) {
-    transform_kernels_reference().rotors(
-        spatial.decoded.data() + 3 * j,
-        temporal.is_transform() ? temporal.decoded.data() + 3 * j : nullptr, 1, rotor, false);
+  const float* from = rows_of(spatial).decoded.data();
+  const float* from_t = rows_of(temporal).decoded.data();
+  if (std::holds_alternative<CodedTransform>(spatial)) {
+    const bool moves = std::holds_alternative<CodedTransform>(temporal);
+    transform_kernels_reference().rotors(from + 3 * j, moves ? from_t + 3 * j : nullptr, 1, rotor,
+                                         false);
     return;
   }
   float merged[8];
-  std::copy_n(spatial.decoded.data() + 4 * j, 4, merged);
-  std::copy_n(temporal.decoded.data() + 4 * j, 4, merged + 4);
+  std::copy_n(from + 4 * j, 4, merged);
+  std::copy_n(from_t + 4 * j, 4, merged + 4);
   normalize_rotor(merged, rotor);
 }
 
@@ -245,12 +247,7 @@ class ShapeCoder {
                            const std::function<bool()>* cancelled) const {
     const size_t n = count();
     if (!rows.any) {
-      CodedComponent zero;
-      zero.n = n;
-      zero.dim = rows.dim;
-      zero.decoded.assign(n * rows.dim, 0.0f);
-      zero.depth.assign(n, 0);
-      return zero;
+      return CodedRows{n, rows.dim, std::vector<float>(n * rows.dim, 0.0f)};
     }
     if (transform) {
       TransformSettings s;
@@ -268,7 +265,7 @@ class ShapeCoder {
       s.zero_origin = c == L4D_COMPONENT_ROTOR_TEMPORAL;
       s.all_coefficients = true;
       s.threads = threads_;
-      return code_component_transform(rows.values.data(), rows.importance.data(), n, rows.dim, s);
+      return code_transform(rows.values.data(), rows.importance.data(), n, rows.dim, s);
     }
     ComponentSettings s = component_settings(settings_, c);
     s.seed = options_.seed * 131 + out_.level * 8 + c + (out_.permanent ? 4096 : 0);
@@ -278,8 +275,8 @@ class ShapeCoder {
     const bool by_cost =
         settings_.get_bool(Parameter::kCodebooksByCost) || coding_of(c) == kCheaper;
     if (by_cost) s.rd_lambda = quality_.rd_lambda(c);
-    return code_component(rows.values.data(), (by_cost ? rows.importance : rows.weights).data(), n,
-                          rows.dim, out_.blocks, s);
+    return code_vq(rows.values.data(), (by_cost ? rows.importance : rows.weights).data(), n,
+                   rows.dim, out_.blocks, s);
   }
 
   // By how many octaves the largest step of temporal rotors is to be finer. A rotor mixes lengths
@@ -320,6 +317,7 @@ class ShapeCoder {
   // Bits, and errors in bits of the same worth.
   double cost_of(const Scales& scales) const {
     const size_t n = count(), dim = out_.scale_dim();
+    const std::vector<float>& decoded = rows_of(scales.coded).decoded;
     double error = 0;
     for (size_t j = 0; j < n; ++j) {
       const size_t i = out_.gaussians[j];
@@ -327,12 +325,12 @@ class ShapeCoder {
       const double importance = static_cast<double>(scene_.importance[L4D_COMPONENT_SCALE][i]);
       for (size_t k = 0; k < dim; ++k) {
         const double e = static_cast<double>(scene_.log_scale[4 * i + k]) -
-                         static_cast<double>(factor + scales.coded.decoded[j * dim + k]);
+                         static_cast<double>(factor + decoded[j * dim + k]);
         error += importance * e * e;
       }
     }
     const bool constant = scales.factor_coding.coding == ScalarCodingId::kConstant;
-    return bits_of(scales.coded) + (constant ? 0 : codes_bits(scales.factor)) +
+    return component_bits(scales.coded) + (constant ? 0 : codes_bits(scales.factor)) +
            error / quality_.rd_lambda(L4D_COMPONENT_SCALE);
   }
 
@@ -351,14 +349,10 @@ class ShapeCoder {
     }
     double cost = 0;
     for (unsigned half = 0; half < 2; ++half) {
-      cost += bits_of(rotors[half]) +
+      cost += component_bits(rotors[half]) +
               error[half] / quality_.rd_lambda(L4D_COMPONENT_ROTOR_SPATIAL + half);
     }
     return cost;
-  }
-
-  static double bits_of(const CodedComponent& coded) {
-    return coded.coding == ComponentCodingId::kZero ? 0 : component_bits(coded);
   }
 
   float largest_log_scale_t() const {
@@ -391,7 +385,7 @@ void ShapeRefiner::make_row(size_t j, unsigned c, float* row) const {
     return;
   }
   const bool temporal = c == L4D_COMPONENT_ROTOR_TEMPORAL;
-  if (!layer_.component[c].is_transform()) {
+  if (!std::holds_alternative<CodedTransform>(layer_.component[c])) {
     std::copy_n(scene_.rotor.data() + 8 * i + (temporal ? 4 : 0), 4, row);
     return;
   }
@@ -401,57 +395,57 @@ void ShapeRefiner::make_row(size_t j, unsigned c, float* row) const {
 }
 
 bool ShapeRefiner::refine(size_t j, unsigned c) {
-  CodedComponent& component = layer_.component[c];
   float row[4];
-  if (component.is_transform()) {
+  if (auto* transform = std::get_if<CodedTransform>(&layer_.component[c])) {
     make_row(j, c, row);
-    return code_row(row, component.dim, j, component.transform.step_exponent[j] + 1u,
-                    component.transform, component.decoded.data() + j * component.dim);
+    return refine_row(row, j, *transform);
   }
-  if (component.coding != ComponentCodingId::kVq || component.depth[j] == kEscapeDepth)
-    return false;
+  auto* vq = std::get_if<CodedVq>(&layer_.component[c]);
+  if (vq == nullptr || vq->depth[j] == kEscapeDepth) return false;
   make_row(j, c, row);
-  component.depth[j] = kEscapeDepth;
-  for (size_t k = 0; k < component.dim; ++k) {
-    component.decoded[j * component.dim + k] = half_to_float(float_to_half_saturate(row[k]));
+  vq->depth[j] = kEscapeDepth;
+  for (size_t k = 0; k < vq->dim; ++k) {
+    vq->decoded[j * vq->dim + k] = half_to_float(float_to_half_saturate(row[k]));
   }
   return true;
 }
 
 ShapeRefiner::State ShapeRefiner::save(size_t j, unsigned c) const {
   const CodedComponent& component = layer_.component[c];
+  const CodedRows& rows = rows_of(component);
   State s;
-  std::copy_n(component.decoded.data() + j * component.dim, component.dim, s.decoded);
-  if (!component.is_transform()) {
-    s.depth = component.depth[j];
-    return s;
-  }
-  s.step_exponent = component.transform.step_exponent[j];
-  for (size_t k = 0; k < component.transform.coefficient.size(); ++k) {
-    s.coefficient[k] = component.transform.coefficient[k][j];
+  std::copy_n(rows.decoded.data() + j * rows.dim, rows.dim, s.decoded);
+  if (const auto* vq = std::get_if<CodedVq>(&component)) s.depth = vq->depth[j];
+  if (const auto* transform = std::get_if<CodedTransform>(&component)) {
+    s.step_exponent = transform->step_exponent[j];
+    for (size_t k = 0; k < transform->coefficient.size(); ++k) {
+      s.coefficient[k] = transform->coefficient[k][j];
+    }
   }
   return s;
 }
 
 void ShapeRefiner::restore(size_t j, unsigned c, const State& s) {
   CodedComponent& component = layer_.component[c];
-  std::copy_n(s.decoded, component.dim, component.decoded.data() + j * component.dim);
-  if (!component.is_transform()) {
-    component.depth[j] = s.depth;
-    return;
-  }
-  component.transform.step_exponent[j] = s.step_exponent;
-  for (size_t k = 0; k < component.transform.coefficient.size(); ++k) {
-    component.transform.coefficient[k][j] = s.coefficient[k];
+  CodedRows& rows = rows_of(component);
+  std::copy_n(s.decoded, rows.dim, rows.decoded.data() + j * rows.dim);
+  if (auto* vq = std::get_if<CodedVq>(&component)) vq->depth[j] = s.depth;
+  if (auto* transform = std::get_if<CodedTransform>(&component)) {
+    transform->step_exponent[j] = s.step_exponent;
+    for (size_t k = 0; k < transform->coefficient.size(); ++k) {
+      transform->coefficient[k][j] = s.coefficient[k];
+    }
   }
 }
 
 void finish_shapes(CodedLayer* layer) {
   for (unsigned c = L4D_COMPONENT_SCALE; c < L4D_COMPONENT_COUNT; ++c) {
-    CodedComponent& component = layer->component[c];
-    if (component.is_transform()) drop_unused_coefficients(component.transform, component.dim);
-    component.any_escape = std::find(component.depth.begin(), component.depth.end(),
-                                     kEscapeDepth) != component.depth.end();
+    if (auto* transform = std::get_if<CodedTransform>(&layer->component[c])) {
+      drop_unused_coefficients(*transform);
+    } else if (auto* vq = std::get_if<CodedVq>(&layer->component[c])) {
+      vq->any_escape =
+          std::find(vq->depth.begin(), vq->depth.end(), kEscapeDepth) != vq->depth.end();
+    }
   }
 }
 
@@ -463,9 +457,9 @@ void code_shapes(const EncoderScene& scene, const CoderOptions& options, const Q
 void decoded_shape(const CodedLayer& layer, size_t j, float* rotor, float* log_scale) {
   const float factor = decoded_factor(layer.scale_factor, layer.factor, j);
   const size_t dim = layer.scale_dim();
+  const std::vector<float>& scales = rows_of(layer.component[L4D_COMPONENT_SCALE]).decoded;
   for (size_t k = 0; k < dim; ++k) {
-    log_scale[k] =
-        clamp_log_scale(factor + layer.component[L4D_COMPONENT_SCALE].decoded[j * dim + k]);
+    log_scale[k] = clamp_log_scale(factor + scales[j * dim + k]);
   }
   if (layer.permanent) log_scale[3] = layer.log_scale_t;
   decoded_rotor(layer.component[L4D_COMPONENT_ROTOR_SPATIAL],

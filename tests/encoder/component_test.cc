@@ -45,14 +45,14 @@ ComponentSettings small_settings() {
   return s;
 }
 
-CodedComponent code(const Data& d, const ComponentSettings& s,
-                    const std::vector<BlockRange>& blocks = {}) {
-  return code_component(d.rows.data(), d.weights.data(), d.n, d.dim, blocks, s);
+CodedVq code(const Data& d, const ComponentSettings& s,
+             const std::vector<BlockRange>& blocks = {}) {
+  return code_vq(d.rows.data(), d.weights.data(), d.n, d.dim, blocks, s);
 }
 
 // Rows as a decoder makes them from what is coded: codebooks, tables, indices and escapes of the
 // input.
-std::vector<float> reconstruct(const CodedComponent& c, const Data& d,
+std::vector<float> reconstruct(const CodedVq& c, const Data& d,
                                const std::vector<BlockRange>& blocks = {}) {
   std::vector<float> out(c.n * c.dim);
   const auto run = [&](size_t begin, size_t end, const std::vector<float>& codebook0) {
@@ -106,7 +106,7 @@ void expect_same_bits(const std::vector<float>& a, const std::vector<float>& b) 
   ASSERT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(float)), 0);
 }
 
-double distortion(const CodedComponent& c, const Data& d) {
+double distortion(const CodedVq& c, const Data& d) {
   double sum = 0;
   for (size_t i = 0; i < d.n; ++i) {
     double e2 = 0;
@@ -136,7 +136,7 @@ TEST(Component, DecodedRowsAreTheDecoders) {
     ComponentSettings s = small_settings();
     s.stages = {1, 0.6f, 0.3f, 0.1f};
     s.escape_threshold = 1.9;
-    CodedComponent c = code(d, s);
+    CodedVq c = code(d, s);
     expect_same_bits(c.decoded, reconstruct(c, d));
     const std::vector<float> before = c.decoded;
     sort_codebooks_by_frequency(c, {});
@@ -149,7 +149,7 @@ TEST(Component, StageFractionsAreHonoured) {
   const Data d = clustered(2000, 4, 50, 3);
   ComponentSettings s = small_settings();
   s.stages = {1, 0.5f, 0.25f, 0.1f};
-  const CodedComponent c = code(d, s);
+  const CodedVq c = code(d, s);
   ASSERT_EQ(c.codebooks.size(), 4u);
   for (size_t stage = 0; stage < 4; ++stage) {
     const auto deeper =
@@ -163,8 +163,8 @@ TEST(Component, StagesGoToTheLargestErrors) {
   ComponentSettings one = small_settings();
   ComponentSettings two = one;
   two.stages = {1, 0.3f};
-  const CodedComponent c1 = code(d, one);
-  const CodedComponent c2 = code(d, two);
+  const CodedVq c1 = code(d, one);
+  const CodedVq c2 = code(d, two);
   float min_chosen = 1e30f, most_left = 0;
   for (size_t i = 0; i < d.n; ++i) {
     double e2 = 0;
@@ -189,7 +189,7 @@ TEST(Component, EachStageReducesTheError) {
   for (size_t stages = 1; stages <= 4; ++stages) {
     ComponentSettings s = small_settings();
     s.stages.assign(stages, 1.0f);
-    const CodedComponent c = code(d, s);
+    const CodedVq c = code(d, s);
     EXPECT_NEAR(c.weighted_distortion, distortion(c, d), 1e-6 * c.weighted_distortion);
     EXPECT_LT(c.weighted_distortion, previous);
     previous = c.weighted_distortion;
@@ -201,7 +201,7 @@ TEST(Component, MoreWeightMeansLessError) {
   for (size_t i = 0; i < d.n; ++i) d.weights[i] = i % 2 == 0 ? 100.0f : 0.01f;
   ComponentSettings s = small_settings();
   s.sample_per_codeword = 1000;
-  const CodedComponent c = code(d, s);
+  const CodedVq c = code(d, s);
   double error[2] = {0, 0};
   for (size_t i = 0; i < d.n; ++i) {
     for (size_t k = 0; k < 4; ++k) {
@@ -218,7 +218,7 @@ TEST(Component, EscapesAreThoseAboveTheThreshold) {
   ComponentSettings s = small_settings();
   s.stages = {1, 0.5f};
   s.escape_threshold = 1.5;
-  const CodedComponent c = code(d, s);
+  const CodedVq c = code(d, s);
   EXPECT_TRUE(c.any_escape);
   for (size_t i = 0; i < d.n; ++i) {
     EXPECT_EQ(c.depth[i] == kEscapeDepth, static_cast<double>(d.weights[i]) > 1.5) << i;
@@ -236,7 +236,7 @@ TEST(Component, AllEscapes) {
   ComponentSettings s = small_settings();
   s.stages = {1, 0.5f};
   s.escape_threshold = 1e-9;
-  CodedComponent c = code(d, s);
+  CodedVq c = code(d, s);
   sort_codebooks_by_frequency(c, {});
   ComponentCoding coding;
   describe_component(c, &coding);
@@ -252,12 +252,11 @@ TEST(Component, CodesOfSomeGaussiansInAnotherOrder) {
   ComponentSettings s = small_settings();
   s.stages = {1, 0.5f};
   s.escape_threshold = 1.5;
-  CodedComponent c = code(d, s);
+  CodedVq c = code(d, s);
   ASSERT_TRUE(c.any_escape);
   const std::vector<uint32_t> which = {399, 7, 0, 250, 8, 31};
   for (const int threads : {1, 3}) {
-    const CodedComponent codes = codes_of(c, which, threads);
-    EXPECT_EQ(codes.coding, ComponentCodingId::kVq);
+    const CodedVq codes = std::get<CodedVq>(codes_of(c, which, threads));
     EXPECT_EQ(codes.n, which.size());
     EXPECT_TRUE(codes.codebooks.empty());
     ASSERT_EQ(codes.index.size(), c.index.size());
@@ -270,11 +269,11 @@ TEST(Component, CodesOfSomeGaussiansInAnotherOrder) {
       }
     }
   }
-  drop_codes(c);
-  EXPECT_EQ(c.coding, ComponentCodingId::kVq);
-  EXPECT_FALSE(c.codebooks.empty());
-  EXPECT_TRUE(c.depth.empty());
-  EXPECT_TRUE(c.decoded.empty());
+  CodedComponent dropped = c;
+  drop_codes(dropped);
+  EXPECT_FALSE(std::get<CodedVq>(dropped).codebooks.empty());
+  EXPECT_TRUE(std::get<CodedVq>(dropped).depth.empty());
+  EXPECT_TRUE(rows_of(dropped).decoded.empty());
 }
 
 TEST(Component, CodesOfATransformInAnotherOrder) {
@@ -284,19 +283,18 @@ TEST(Component, CodesOfATransformInAnotherOrder) {
   s.max_step = 1;
   s.principal_axes = true;
   s.threads = 1;
-  const CodedComponent c = code_component_transform(d.rows.data(), d.weights.data(), d.n, d.dim, s);
-  ASSERT_FALSE(c.transform.coefficient.empty());
+  const CodedTransform c = code_transform(d.rows.data(), d.weights.data(), d.n, d.dim, s);
+  ASSERT_FALSE(c.coefficient.empty());
   const std::vector<uint32_t> which = {299, 3, 120};
-  const CodedComponent codes = codes_of(c, which, 1);
-  EXPECT_TRUE(codes.is_transform());
+  const CodedTransform codes = std::get<CodedTransform>(codes_of(c, which, 1));
   EXPECT_TRUE(codes.decoded.empty());  // nothing of it is stored
-  ASSERT_EQ(codes.transform.coefficient.size(), c.transform.coefficient.size());
+  ASSERT_EQ(codes.coefficient.size(), c.coefficient.size());
   for (size_t j = 0; j < which.size(); ++j) {
     const size_t i = which[j];
-    EXPECT_EQ(codes.transform.step_exponent[j], c.transform.step_exponent[i]);
-    EXPECT_EQ(codes.transform.eob_index[j], c.transform.eob_index[i]);
-    for (size_t k = 0; k < c.transform.coefficient.size(); ++k) {
-      EXPECT_EQ(codes.transform.coefficient[k][j], c.transform.coefficient[k][i]);
+    EXPECT_EQ(codes.step_exponent[j], c.step_exponent[i]);
+    EXPECT_EQ(codes.eob_index[j], c.eob_index[i]);
+    for (size_t k = 0; k < c.coefficient.size(); ++k) {
+      EXPECT_EQ(codes.coefficient[k][j], c.coefficient[k][i]);
     }
   }
 }
@@ -307,7 +305,7 @@ TEST(Component, EscapesSaturateInsteadOfOverflowing) {
   d.rows[6] = -1e9f;
   ComponentSettings s = small_settings();
   s.escape_threshold = 1e-9;
-  const CodedComponent c = code(d, s);
+  const CodedVq c = code(d, s);
   EXPECT_EQ(c.decoded[5], 65504.0f);
   EXPECT_EQ(c.decoded[6], -65504.0f);
 }
@@ -318,7 +316,7 @@ TEST(Component, DegenerateInput) {
       Data d{n, 4, std::vector<float>(4 * n, 0.25f), std::vector<float>(n, weight)};
       ComponentSettings s = small_settings();
       s.stages = {1, 1, 0.5f};
-      CodedComponent c = code(d, s);
+      CodedVq c = code(d, s);
       sort_codebooks_by_frequency(c, {});
       for (const float v : c.decoded) EXPECT_EQ(v, 0.25f);
       expect_same_bits(c.decoded, reconstruct(c, d));
@@ -328,7 +326,7 @@ TEST(Component, DegenerateInput) {
 
 TEST(Component, RankingPutsFrequentEntriesFirstAndDropsUnusedOnes) {
   const Data d = clustered(4000, 4, 10, 10);
-  CodedComponent c = code(d, small_settings());
+  CodedVq c = code(d, small_settings());
   sort_codebooks_by_frequency(c, {});
   std::vector<size_t> use(c.codebooks[0].size() / 4, 0);
   for (const uint16_t i : c.index[0]) ++use.at(i);
@@ -341,8 +339,8 @@ TEST(Component, DroppedGaussiansLeaveTheRestAsItWas) {
   ComponentSettings s = small_settings();
   s.stages = {1, 0.5f};
   s.escape_threshold = 1.8;
-  CodedComponent c = code(d, s);
-  const CodedComponent whole = c;
+  const CodedVq whole = code(d, s);
+  CodedComponent component = whole;
   std::vector<uint8_t> keep(d.n);
   Data kept{0, 4, {}, {}};
   std::vector<float> want;
@@ -356,7 +354,8 @@ TEST(Component, DroppedGaussiansLeaveTheRestAsItWas) {
     }
     kept.weights.push_back(d.weights[i]);
   }
-  drop_gaussians(c, keep);
+  drop_gaussians(component, keep);
+  CodedVq& c = std::get<CodedVq>(component);
   ASSERT_EQ(c.n, kept.n);
   sort_codebooks_by_frequency(c, {});
   expect_same_bits(want, c.decoded);
@@ -367,10 +366,10 @@ TEST(Component, EqualForAnyNumberOfThreadsAndUnequalForOtherSeeds) {
   const Data d = clustered(20000, 4, 300, 12, 0.3);
   ComponentSettings s = small_settings();
   s.stages = {1, 0.5f};
-  const CodedComponent one = code(d, s);
+  const CodedVq one = code(d, s);
   for (const int threads : {2, 7}) {
     s.threads = threads;
-    const CodedComponent c = code(d, s);
+    const CodedVq c = code(d, s);
     EXPECT_EQ(c.codebooks, one.codebooks);
     EXPECT_EQ(c.index, one.index);
     EXPECT_EQ(c.depth, one.depth);
@@ -405,8 +404,8 @@ ComponentSettings rcq_settings(int rcq) {
 TEST(Rcq, PaysWhereBlocksDiffer) {
   std::vector<BlockRange> blocks;
   const Data d = block_data(8, 3000, true, &blocks);
-  const CodedComponent plain = code(d, rcq_settings(0), blocks);
-  CodedComponent c = code(d, rcq_settings(1), blocks);
+  const CodedVq plain = code(d, rcq_settings(0), blocks);
+  CodedVq c = code(d, rcq_settings(1), blocks);
   EXPECT_TRUE(plain.block_tables.empty());
   ASSERT_EQ(c.block_tables.size(), blocks.size());
   ASSERT_FALSE(c.residual_codebook.empty());
@@ -425,8 +424,8 @@ TEST(Rcq, PaysWhereBlocksDiffer) {
 TEST(Rcq, DoesNotPayOnUniformData) {
   std::vector<BlockRange> blocks;
   const Data d = block_data(8, 1500, false, &blocks);
-  const CodedComponent plain = code(d, rcq_settings(0), blocks);
-  const CodedComponent c = code(d, rcq_settings(1), blocks);
+  const CodedVq plain = code(d, rcq_settings(0), blocks);
+  const CodedVq c = code(d, rcq_settings(1), blocks);
   EXPECT_TRUE(c.block_tables.empty());
   EXPECT_TRUE(c.residual_codebook.empty());
   EXPECT_EQ(c.codebooks, plain.codebooks);
@@ -439,7 +438,7 @@ TEST(Rcq, AlwaysUsesEveryBlock) {
     const Data d = block_data(4, 1000, own_places, &blocks);
     ComponentSettings s = rcq_settings(2);
     s.stages = {1, 0.3f};
-    CodedComponent c = code(d, s, blocks);
+    CodedVq c = code(d, s, blocks);
     ASSERT_EQ(c.block_tables.size(), blocks.size());
     for (const auto& t : c.block_tables) EXPECT_FALSE(t.empty());
     expect_same_bits(c.decoded, reconstruct(c, d, blocks));
@@ -463,7 +462,7 @@ TEST(Rcq, EscapesMeetBlocks) {
   ComponentSettings s = rcq_settings(2);
   s.escape_threshold = 1.5;
   s.stages = {1, 0.3f};
-  CodedComponent c = code(d, s, blocks);
+  CodedVq c = code(d, s, blocks);
   EXPECT_TRUE(c.any_escape);
   ASSERT_EQ(c.block_tables.size(), blocks.size());
   ASSERT_FALSE(c.residual_codebook.empty());

@@ -42,7 +42,7 @@ ComponentSettings by_cost(double rd_lambda) {
   return s;
 }
 
-double cost(const CodedComponent& c, double rd_lambda) {
+double cost(const CodedVq& c, double rd_lambda) {
   return component_bits(c) + c.weighted_distortion / rd_lambda;
 }
 
@@ -103,8 +103,8 @@ TEST(StageChoice, DearerBitsGiveFewerOfThemAndLargerErrors) {
   const Rows rows = make_rows(20000, 4, 7);
   double bits = 1e30, error = 0;
   for (const double price : {1e-5, 1e-4, 1e-3, 1e-2}) {
-    const CodedComponent c = code_component(rows.values.data(), rows.weights.data(), rows.n,
-                                            rows.dim, {}, by_cost(price));
+    const CodedVq c =
+        code_vq(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, by_cost(price));
     EXPECT_LT(component_bits(c), bits) << price;
     EXPECT_GT(c.weighted_distortion, error) << price;
     bits = component_bits(c);
@@ -115,16 +115,16 @@ TEST(StageChoice, DearerBitsGiveFewerOfThemAndLargerErrors) {
 TEST(StageChoice, CostsNoMoreThanStagesByHand) {
   const Rows rows = make_rows(30000, 4, 9);
   const double price = 2e-4;
-  const CodedComponent chosen =
-      code_component(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, by_cost(price));
+  const CodedVq chosen =
+      code_vq(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, by_cost(price));
   const std::vector<std::vector<float>> shares = {{1}, {1, 0.5f}, {1, 1}, {1, 0.5f, 0.25f}};
   for (const auto& stages : shares) {
     for (const uint32_t k : {64u, 256u, 1024u}) {
       ComponentSettings s = by_cost(0);
       s.codebook_size = k;
       s.stages = stages;
-      const CodedComponent fixed =
-          code_component(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, s);
+      const CodedVq fixed =
+          code_vq(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, s);
       EXPECT_LT(cost(chosen, price), cost(fixed, price)) << stages.size() << " stages, K=" << k;
     }
   }
@@ -138,8 +138,8 @@ TEST(StageChoice, HeavyRowsFarOffBecomeEscapes) {
       rows.values[400 * i * 4 + k] = 1000.0f * static_cast<float>(i + 1);
     rows.weights[400 * i] = 1e4f;
   }
-  const CodedComponent c =
-      code_component(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, by_cost(1e-3));
+  const CodedVq c =
+      code_vq(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, by_cost(1e-3));
   for (size_t i = 0; i < c.n; ++i) {
     if (c.depth[i] != kEscapeDepth) continue;
     EXPECT_TRUE(c.any_escape);
@@ -166,13 +166,11 @@ TEST(StageRefinement, LessErrorAtTheSameDepths) {
   ComponentSettings s = by_cost(0);
   s.codebook_size = 256;
   s.stages = {1, 0.7f, 0.4f};
-  const CodedComponent greedy =
-      code_component(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, s);
+  const CodedVq greedy = code_vq(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, s);
   double before = greedy.weighted_distortion;
   for (const int rounds : {1, 3}) {
     s.refine_rounds = rounds;
-    const CodedComponent joint =
-        code_component(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, s);
+    const CodedVq joint = code_vq(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, s);
     EXPECT_EQ(joint.depth, greedy.depth);
     EXPECT_LT(joint.weighted_distortion, 0.99 * before) << rounds;
     before = joint.weighted_distortion;
@@ -188,8 +186,8 @@ TEST(StageRefinement, LessErrorAtTheSameDepths) {
     }
     ComponentSettings more_threads = s;
     more_threads.threads = 3;
-    const CodedComponent again =
-        code_component(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, more_threads);
+    const CodedVq again =
+        code_vq(rows.values.data(), rows.weights.data(), rows.n, rows.dim, {}, more_threads);
     EXPECT_EQ(again.index, joint.index);
     EXPECT_EQ(again.codebooks, joint.codebooks);
   }

@@ -63,9 +63,8 @@ class TransformTest : public testing::TestWithParam<std::pair<size_t, bool>> {};
 TEST_P(TransformTest, ErrorsAreThoseOfTheSteps) {
   const auto [dim, axes] = GetParam();
   const Data d = correlated(3000, dim, 11 + dim);
-  std::vector<float> decoded;
   const CodedTransform c =
-      code_transform(d.rows.data(), d.weights.data(), d.n, dim, settings(1e-6, axes), &decoded);
+      code_transform(d.rows.data(), d.weights.data(), d.n, dim, settings(1e-6, axes));
   ASSERT_LE(c.steps.size(), dim);
   for (size_t i = 0; i < d.n; ++i) {
     const double step = std::ldexp(static_cast<double>(c.steps[0]), -c.step_exponent[i]);
@@ -75,7 +74,7 @@ TEST_P(TransformTest, ErrorsAreThoseOfTheSteps) {
     }
     const double allowed =
         std::sqrt(static_cast<double>(dim)) * step / 2 + 4e-3 * std::sqrt(length);
-    EXPECT_LE(std::sqrt(squared_error(d, decoded, i)), 1.01 * allowed + 1e-5) << i;
+    EXPECT_LE(std::sqrt(squared_error(d, c.decoded, i)), 1.01 * allowed + 1e-5) << i;
   }
 }
 
@@ -84,9 +83,8 @@ TEST_P(TransformTest, ErrorsAreThoseOfTheSteps) {
 TEST_P(TransformTest, StepExponentsFollowWeights) {
   const auto [dim, axes] = GetParam();
   const Data d = correlated(2000, dim, 5);
-  std::vector<float> decoded;
   const CodedTransform c =
-      code_transform(d.rows.data(), d.weights.data(), d.n, dim, settings(1e-7, axes), &decoded);
+      code_transform(d.rows.data(), d.weights.data(), d.n, dim, settings(1e-7, axes));
   for (size_t i = 0; i < d.n; ++i) {
     const double step = std::sqrt(12 * 1e-7 / static_cast<double>(d.weights[i]));
     const double octaves = std::log2(0.5 / step);
@@ -98,10 +96,9 @@ TEST_P(TransformTest, StepExponentsFollowWeights) {
 TEST_P(TransformTest, DecodedRowsAreTheDecoders) {
   const auto [dim, axes] = GetParam();
   const Data d = correlated(777, dim, 3);
-  std::vector<float> decoded;
   TransformSettings s = settings(1e-5, axes);
   s.integers = axes;
-  const CodedTransform c = code_transform(d.rows.data(), d.weights.data(), d.n, dim, s, &decoded);
+  const CodedTransform c = code_transform(d.rows.data(), d.weights.data(), d.n, dim, s);
   std::vector<std::vector<int16_t>> compact(c.steps.size());
   for (size_t k = 0; k < compact.size(); ++k) {
     for (size_t i = 0; i < d.n; ++i) {
@@ -134,7 +131,7 @@ TEST_P(TransformTest, DecodedRowsAreTheDecoders) {
   } else {
     transform_kernels_simd().rows(source, cursor, 0, d.n, out.data());
   }
-  EXPECT_EQ(std::memcmp(out.data(), decoded.data(), out.size() * sizeof(float)), 0);
+  EXPECT_EQ(std::memcmp(out.data(), c.decoded.data(), out.size() * sizeof(float)), 0);
 }
 
 INSTANTIATE_TEST_SUITE_P(Dimensions, TransformTest,
@@ -147,9 +144,8 @@ INSTANTIATE_TEST_SUITE_P(Dimensions, TransformTest,
 TEST(Transform, PrincipalAxesNeedFewerCoefficients) {
   const Data d = correlated(4000, 48, 21);
   const auto nonzero = [&](bool axes) {
-    std::vector<float> decoded;
     const CodedTransform c =
-        code_transform(d.rows.data(), d.weights.data(), d.n, 48, settings(1e-6, axes), &decoded);
+        code_transform(d.rows.data(), d.weights.data(), d.n, 48, settings(1e-6, axes));
     size_t count = 0;
     for (const auto& channel : c.coefficient) {
       for (const int16_t q : channel) count += q != 0;
@@ -165,11 +161,11 @@ TEST(Transform, HardInputs) {
     for (const float weight : {0.0f, 1e-30f, 1.0f}) {
       for (const size_t n : {size_t{1}, size_t{5}}) {
         Data d{n, 4, std::vector<float>(4 * n, far), std::vector<float>(n, weight)};
-        std::vector<float> decoded;
         const CodedTransform c =
-            code_transform(d.rows.data(), d.weights.data(), n, 4, settings(1e-8, true), &decoded);
+            code_transform(d.rows.data(), d.weights.data(), n, 4, settings(1e-8, true));
         for (size_t i = 0; i < n; ++i) {
-          EXPECT_LE(std::sqrt(squared_error(d, decoded, i)), 0.5 + 2e-3 * static_cast<double>(far))
+          EXPECT_LE(std::sqrt(squared_error(d, c.decoded, i)),
+                    0.5 + 2e-3 * static_cast<double>(far))
               << far << " " << weight << " " << n;
           EXPECT_LT(c.step_exponent[i], 16);
         }
@@ -188,11 +184,11 @@ TEST(Transform, RowsFarOutTakeCoarserSteps) {
       d.weights[i] = 1e6f;
       for (size_t k = 0; k < 4; ++k) d.rows[4 * i + k] = (i == 7 ? 1.0f : -1.0f) * far;
     }
-    std::vector<float> decoded;
-    code_transform(d.rows.data(), d.weights.data(), d.n, 4, settings(1e-8, true), &decoded);
+    const CodedTransform c =
+        code_transform(d.rows.data(), d.weights.data(), d.n, 4, settings(1e-8, true));
     for (size_t i = 0; i < d.n; ++i) {
       const double size = i == 7 || i == 8 ? static_cast<double>(far) : 0.0;
-      EXPECT_LE(std::sqrt(squared_error(d, decoded, i)), 0.5 + 1e-3 * size) << far << ", " << i;
+      EXPECT_LE(std::sqrt(squared_error(d, c.decoded, i)), 0.5 + 1e-3 * size) << far << ", " << i;
     }
   }
 }
@@ -200,11 +196,10 @@ TEST(Transform, RowsFarOutTakeCoarserSteps) {
 TEST(Transform, ThreadsDoNotMatter) {
   const Data d = correlated(9000, 12, 8);
   TransformSettings s = settings(1e-6, true);
-  std::vector<float> one, three;
-  const CodedTransform a = code_transform(d.rows.data(), d.weights.data(), d.n, 12, s, &one);
+  const CodedTransform a = code_transform(d.rows.data(), d.weights.data(), d.n, 12, s);
   s.threads = 3;
-  const CodedTransform b = code_transform(d.rows.data(), d.weights.data(), d.n, 12, s, &three);
-  EXPECT_EQ(one, three);
+  const CodedTransform b = code_transform(d.rows.data(), d.weights.data(), d.n, 12, s);
+  EXPECT_EQ(a.decoded, b.decoded);
   EXPECT_EQ(a.coefficient, b.coefficient);
   EXPECT_EQ(a.basis, b.basis);
 }

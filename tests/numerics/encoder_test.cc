@@ -109,7 +109,7 @@ TEST_P(Stages, NeverIncreaseTheWeightedError) {
       s.threads = 1;
       s.stages.assign(stages, share);
       s.stages[0] = 1;
-      const CodedComponent coded = code_component(rows.data(), weights.data(), c.n, 4, {}, s);
+      const CodedVq coded = code_vq(rows.data(), weights.data(), c.n, 4, {}, s);
       for (const float v : coded.decoded) ASSERT_TRUE(std::isfinite(v));
       if (share == 1) {
         EXPECT_LE(coded.weighted_distortion, before * (1 + 1e-9)) << stages << " stages";
