@@ -113,4 +113,25 @@ void note_points(const Capture& capture, const std::vector<Point>& points,
   }
 }
 
+std::vector<Point> first_points(const std::string& init, const Capture& capture,
+                                const ImageLoader& loader, const std::vector<Instant>& instants,
+                                const ImageStore& store, uint64_t count, uint64_t seed,
+                                std::vector<std::string>* notes) {
+  const auto noted = [&](std::vector<Point> points) {
+    note_points(capture, points, notes);
+    return points;
+  };
+  if (init == "capture") return noted(capture.points);
+  if (init == "hull" || init == "auto") {
+    std::vector<Point> points = hull_points(capture, loader, instants, store, count, seed);
+    if (!points.empty()) return points;
+    if (init == "hull") {
+      throw io::Error(L4D_ERR_INVALID_ARGUMENT,
+                      "--init is hull, but no point is inside the alpha of all images");
+    }
+  }
+  if (init == "frustum" || init == "auto") return random_points(capture, count, seed);
+  return noted(read_points(init, notes));
+}
+
 }  // namespace l4d::train

@@ -45,6 +45,13 @@ std::vector<Point> hull_points(const Capture& capture, const ImageLoader& loader
                                const std::vector<Instant>& instants, const ImageStore& store,
                                uint64_t count, uint64_t seed);
 
+// The points that `init` names: "capture", "hull", "frustum", "auto", which is the hull or, without
+// alpha, random points, or else a file. Throws io::Error.
+std::vector<Point> first_points(const std::string& init, const Capture& capture,
+                                const ImageLoader& loader, const std::vector<Instant>& instants,
+                                const ImageStore& store, uint64_t count, uint64_t seed,
+                                std::vector<std::string>* notes);
+
 // Gaussians at the points: as many as `options.count`, drawn from them. The scale is the root mean
 // square distance to 3 neighbours, times live around the time of a point that has one, else for a
 // random part of the sequence.

@@ -241,6 +241,12 @@ void check_resumes(const std::string& folder, const Checkpoint& checkpoint,
   }
 }
 
+std::string where_it_goes_on(const std::string& folder) {
+  const std::vector<std::string> there = list_checkpoints(folder);
+  return there.empty() ? "there is no checkpoint to resume from"
+                       : "--resume goes on from " + there.front();
+}
+
 CheckpointWriter::~CheckpointWriter() {
   if (thread_.joinable()) thread_.join();
 }

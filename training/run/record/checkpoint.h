@@ -34,6 +34,9 @@ Checkpoint newest_checkpoint(const std::string& folder, std::vector<std::string>
 void check_resumes(const std::string& folder, const Checkpoint& checkpoint,
                    const Settings& settings, const Capture& capture, bool accept_changes);
 
+// What a run that fails says of them: "--resume goes on from" the newest, or that there is none.
+std::string where_it_goes_on(const std::string& folder);
+
 // Writes checkpoints of a run on a thread, under a temporary name until they are whole, and keeps
 // the newest two.
 class CheckpointWriter {

@@ -2,12 +2,14 @@
 #include "training/run/setup/capacity.h"
 
 #include <algorithm>
+#include <cstdio>
 
 namespace l4d::train {
 namespace {
 
 using io::Error;
 
+constexpr uint32_t kMinSize = 8;           // pixels a side of images that are scaled
 constexpr uint64_t kLeastResident = 1000;  // Gaussians; with fewer nothing can be trained
 
 uint64_t rows_in(uint64_t bytes, const BackendCost& cost) {
@@ -15,6 +17,28 @@ uint64_t rows_in(uint64_t bytes, const BackendCost& cost) {
 }
 
 }  // namespace
+
+void check_scale(double scale, const Capture& capture, const ImageLoader& loader) {
+  for (uint32_t k = 0; k < capture.cameras.size() && scale < 1; ++k) {
+    const l4d_camera& camera = loader.camera(k);
+    if (std::min(camera.width, camera.height) >= kMinSize) continue;
+    char number[40];
+    std::snprintf(number, sizeof(number), "%g", scale);
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                "--scale is " + std::string(number) + "; it makes images of " +
+                    std::to_string(camera.width) + " x " + std::to_string(camera.height) +
+                    " pixels, which must be at least " + std::to_string(kMinSize) + " a side");
+  }
+}
+
+StepSize step_size(const Settings& settings, const Capture& capture, const ImageLoader& loader) {
+  StepSize size{settings.sh_degree, settings.views, 0, 0};
+  for (uint32_t k = 0; k < capture.cameras.size(); ++k) {
+    size.width = std::max(size.width, loader.camera(k).width);
+    size.height = std::max(size.height, loader.camera(k).height);
+  }
+  return size;
+}
 
 void settle_capacity(Settings* s, const BackendCost& cost, std::vector<std::string>* notes) {
   if (s->resident == 0) {

@@ -4,10 +4,18 @@
 #include <string>
 #include <vector>
 
+#include "training/images/loader.h"
 #include "training/run/setup/settings.h"
 #include "training/step/backend.h"
 
 namespace l4d::train {
+
+// Throws io::Error(INVALID_ARGUMENT) if --scale makes images too small. Those that were small
+// before are as the user has them.
+void check_scale(double scale, const Capture& capture, const ImageLoader& loader);
+
+// Of the largest images.
+StepSize step_size(const Settings& settings, const Capture& capture, const ImageLoader& loader);
 
 // Settles how many Gaussians are in the back end at a time, and with which Adam: all of them, if
 // they fit in --device-memory, or without it in half of what a device has free. Else `resident` is

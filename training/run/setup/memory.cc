@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <string>
+#include <filesystem>
+#include <new>
+#include <system_error>
 
+#include "l4d/l4d.hpp"
 #include "libl4dcodec/base/threads.h"
 #include "training/images/frame_cache.h"
 #include "training/images/pixels.h"
@@ -129,6 +132,25 @@ MemoryShares share_memory(const RunOptions& options, const Capture& capture,
   shares.renderer = (need.rendering + spare) / planned.views;
   shares.training = limit - need.capture - need.decoding - spare;
   return shares;
+}
+
+std::string lack_of_memory() {
+  try {
+    throw;
+  } catch (const std::bad_alloc&) {
+    return "out of memory";
+  } catch (const std::filesystem::filesystem_error&) {
+    throw;
+  } catch (const std::system_error& error) {  // a thread that got no stack
+    return error.what();
+  } catch (const io::Error& error) {
+    if (error.status() != L4D_ERR_OUT_OF_MEMORY) throw;
+    return error.what();
+  } catch (const l4d::Error& error) {
+    const l4d_status status = error.status();
+    if (status != L4D_ERR_OUT_OF_MEMORY && status != L4D_ERR_LIMIT_EXCEEDED) throw;
+    return error.what();
+  }
 }
 
 }  // namespace l4d::train

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include "eval/image/lpips.h"
 #include "training/capture/capture.h"
@@ -48,5 +49,9 @@ MemoryShares share_memory(const RunOptions& options, const Capture& capture,
 // `may_shrink`. Throws io::Error(LIMIT_EXCEEDED) that says what is needed, and for what. limit: 0 =
 // none.
 uint64_t images_within(uint64_t limit, const MemoryNeed& need, bool may_shrink);
+
+// What the exception that is being handled says of too little memory. Throws it again if it is
+// about anything else.
+std::string lack_of_memory();
 
 }  // namespace l4d::train

@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cstdio>
+#include <utility>
+
+#include "training/run/run.h"
+#include "training/run/run_parts.h"
+#include "training/run/setup/memory.h"
+
+namespace l4d::train {
+namespace {
+
+using io::Error;
+
+constexpr uint64_t kLogEvery = 100;  // steps
+constexpr double kScores = 10;       // while training
+
+double since(RunParts::Clock::time_point begin) {
+  return std::chrono::duration<double>(RunParts::Clock::now() - begin).count();
+}
+
+[[noreturn]] void fail(const Error& error, const std::string& advice) {
+  throw Error(error.status(), std::string(error.what()) + "; " + advice);
+}
+
+}  // namespace
+
+void Steps::run() {
+  log_ = std::make_unique<Log>(parts_.file("log.jsonl"), trainer_.state().step);
+  events_ =
+      std::make_unique<EventFile>(parts_.file("events.out.tfevents.l4dtrain"), log_->entries());
+  last_checkpoint_ = last_preview_ = Clock::now();
+  parts_.first_wait = parts_.store->seconds_waited();
+  milestone_ = static_cast<int>(trainer_.progress() * kScores);
+  while (!trainer_.done()) {
+    if (parts_.observer->cancelled()) {
+      save();
+      throw Error(L4D_ERR_CANCELLED, "cancelled at step " + std::to_string(trainer_.state().step) +
+                                         "; --resume goes on from there");
+    }
+    const Clock::time_point begin = Clock::now();
+    parts_.times.begin(kSteps);
+    const uint64_t step = trainer_.state().step, rows = trainer_.count();
+    const bool has_stepped = within_memory(step, rows, [&] { return step_or_save(); });
+    if (!has_stepped) continue;
+    trainer_.state().seconds += since(begin);
+    within_memory(trainer_.state().step, trainer_.count(), [&] {
+      write_or_save();
+      return true;
+    });
+  }
+}
+
+// ---- one step ----------------------------------------------------------------------------------
+
+// False where the training went back to a checkpoint.
+bool Steps::step() {
+  try {
+    const StepReport report = trainer_.advance();
+    ++steps_;
+    memory_.raise_to(memory_use(*parts_.backend, *parts_.store, parts_.residence.get()));
+    sums_.loss += report.loss;
+    sums_.psnr += report.psnr;
+    sums_.gaussians = report.count;
+    sums_.relocated += report.density.relocated;
+    sums_.born += report.density.born;
+    sums_.skipped_rows += report.skipped_rows;
+    return true;
+  } catch (const Diverged& diverged) {
+    writer_.finish();
+    if (trainer_.state().rate_factor < 1 || list_checkpoints(parts_.options.folder).empty()) {
+      throw TrainingFailed(diverged.what());
+    }
+    Checkpoint checkpoint = load_newest();
+    checkpoint.run.rate_factor *= 0.5;
+    checkpoint.run.lost = checkpoint.run.high_losses = 0;
+    parts_.say(std::string(diverged.what()) + ": going on from step " +
+               std::to_string(checkpoint.run.step) + " with half the rates");
+    restore(std::move(checkpoint));
+    return false;
+  }
+}
+
+// Images are read before a step changes anything. Where one is not there or damaged, the work so
+// far is kept.
+bool Steps::step_or_save() {
+  try {
+    return step();
+  } catch (const BucketError&) {
+    throw;  // no image is to blame
+  } catch (const CapacityError& error) {
+    save();
+    fail(error, "--resume --accept-changes with a larger --resident goes on");
+  } catch (const Error& error) {
+    if (error.status() != L4D_ERR_IO && error.status() != L4D_ERR_CORRUPT &&
+        error.status() != L4D_ERR_FEATURE_UNSUPPORTED) {
+      throw;
+    }
+    save();
+    fail(error, "--resume --accept-changes goes on from step " +
+                    std::to_string(trainer_.state().step) + " when the image is right");
+  }
+}
+
+// Runs a part of the loop, which began after `step` steps with `rows` Gaussians.
+template <typename Part>
+bool Steps::within_memory(uint64_t step, uint64_t rows, const Part& part) {
+  try {
+    return part();
+  } catch (...) {
+    fail_for_memory(lack_of_memory(), step, rows);
+  }
+}
+
+// Where a part of a step is done, or rows were on their way, the model is not one to go on with:
+// the checkpoints that are there stay. A step counts once it has changed Gaussians.
+void Steps::fail_for_memory(const std::string& what, uint64_t step, uint64_t rows) {
+  try {
+    if (trainer_.state().step == step && trainer_.model().count == rows) write_checkpoint();
+    writer_.finish();
+  } catch (const std::exception&) {
+    // Likely for the same reason.
+  }
+  throw Error(L4D_ERR_OUT_OF_MEMORY, "step " + std::to_string(trainer_.state().step) + ": " + what +
+                                         "; " + where_it_goes_on(parts_.options.folder));
+}
+
+void Steps::fail_for_buckets(const BucketError& error) {
+  try {
+    save();
+  } catch (const Error&) {
+    // On a full disk, or where rows are lost.
+  }
+  fail(error, where_it_goes_on(parts_.options.folder));
+}
+
+// ---- what steps lead to in files ---------------------------------------------------------------
+
+Checkpoint Steps::load_newest() {
+  std::vector<std::string> notes;
+  Checkpoint checkpoint = newest_checkpoint(parts_.options.folder, &notes);
+  parts_.say(notes);
+  return checkpoint;
+}
+
+void Steps::restore(Checkpoint checkpoint) {
+  check_resumes(parts_.options.folder, checkpoint, parts_.settings, parts_.capture,
+                parts_.options.accept_changes);
+  // Another capacity may hold the rows of all windows again.
+  const std::string capacity = "\nresident " + std::to_string(parts_.settings.resident) + "\n";
+  if (checkpoint.settings.find(capacity) == std::string::npos) {
+    checkpoint.run.windows = checkpoint.run.period = 0;
+  }
+  trainer_.restore(std::move(checkpoint.model), checkpoint.run);
+}
+
+void Steps::write_checkpoint() {
+  parts_.times.begin(kWriting);
+  writer_.write({text_of(parts_.settings), trainer_.state(), trainer_.model()});
+  last_checkpoint_ = Clock::now();
+}
+
+void Steps::save() {
+  write_checkpoint();
+  writer_.finish();
+}
+
+void Steps::write_preview() {
+  parts_.times.begin(kScoring);
+  io::write_png(parts_.file("preview.png"), parts_.sample().preview(&trainer_));
+  last_preview_ = Clock::now();
+}
+
+// Where a file cannot be written, as on a full disk, the work so far is kept if that is possible,
+// and the message says from where it goes on.
+void Steps::write_or_save() {
+  try {
+    write_after_step();
+  } catch (const Error& error) {
+    if (error.status() != L4D_ERR_IO) throw;
+    try {
+      save();
+    } catch (const std::exception&) {
+      // Likely for the same reason: the checkpoints that are there stay.
+    }
+    fail(error, where_it_goes_on(parts_.options.folder));
+  }
+}
+
+void Steps::write_after_step() {
+  parts_.say(trainer_.take_notes());
+  const int now = static_cast<int>(trainer_.progress() * kScores);
+  const bool scores = now != milestone_;
+  milestone_ = now;
+  if (scores || trainer_.state().step % kLogEvery == 0) add_to_log(scores);
+  if (since(last_checkpoint_) > parts_.options.checkpoint_seconds ||
+      parts_.observer->wants_checkpoint()) {
+    write_checkpoint();
+  }
+  if (since(last_preview_) > parts_.options.preview_seconds) write_preview();
+  report_progress();
+}
+
+void Steps::add_to_log(bool scores) {
+  parts_.times.begin(kWriting);
+  LogEntry entry = sums_;
+  entry.step = trainer_.state().step;
+  entry.seconds = trainer_.state().seconds;
+  entry.progress = trainer_.progress();
+  const double n = static_cast<double>(std::max<uint64_t>(steps_, 1));
+  entry.loss /= n;
+  entry.psnr /= n;
+  entry.image_bytes = parts_.store->bytes();
+  entry.image_wait = parts_.store->seconds_waited();
+  entry.swaps = trainer_.seconds_swapping();
+  entry.memory = memory_use(*parts_.backend, *parts_.store, parts_.residence.get());
+  entry.stages = take_stages();
+  for (double& stage : entry.stages) stage /= n;
+  entry.has_score = scores;
+  if (scores) {
+    parts_.times.begin(kScoring);
+    entry.train = parts_.train_sample->score(&trainer_);
+    entry.test = parts_.test_sample->score(&trainer_);
+    last_score_ = entry.test.plain.mean_psnr;
+    parts_.backend->take_seconds();
+    parts_.times.begin(kWriting);
+  }
+  log_->add(entry);
+  events_->add(entry);
+  last_psnr_ = entry.psnr;
+  sums_ = {};
+  sums_.gaussians = entry.gaussians;
+  steps_ = 0;
+  if (scores) write_curves();
+}
+
+// ms of the steps since the last call.
+std::array<double, kStages> Steps::take_stages() {
+  std::array<double, kStages> stages = parts_.backend->take_seconds();
+  for (size_t s = 0; s < kStages; ++s) {
+    stages[s] *= 1000;
+    stages_[s] += stages[s];
+  }
+  timed_steps_ += steps_;
+  return stages;
+}
+
+void Steps::report_progress() {
+  char text[120];
+  std::snprintf(text, sizeof(text), "training  %.2f dB, test %.2f dB, %llu Gaussians", last_psnr_,
+                last_score_, static_cast<unsigned long long>(sums_.gaussians));
+  const bool timed = parts_.settings.seconds > 0;
+  parts_.observer->update(
+      timed ? static_cast<uint64_t>(1000 * trainer_.progress()) : trainer_.state().step,
+      timed ? 1000 : parts_.settings.steps, text);
+}
+
+void Steps::describe(RunReport* report) {
+  report->steps = trainer_.state().step;
+  report->training_seconds = trainer_.state().seconds;
+  report->memory = memory_;
+  take_stages();
+  const double timed = static_cast<double>(std::max<uint64_t>(timed_steps_, 1));
+  for (size_t s = 0; s < kStages; ++s) report->stages[s] = stages_[s] / timed;
+}
+
+}  // namespace l4d::train
