@@ -153,7 +153,7 @@ Renderer make_renderer(const Bench& bench, uint32_t format, bool timed) {
   options.time_passes = timed;
   l4d_cuda_renderer* r = nullptr;
   if (l4d_cuda_renderer_create(&options, &r) != L4D_OK) std::exit(1);
-  must(l4d_cuda_renderer_set_gaussians(r, &bench.device, nullptr, &bench.scene.timeline));
+  must(l4d_cuda_renderer_set_gaussians(r, &bench.device, &bench.scene.timeline));
   l4d_cuda_frame_capacity capacity = L4D_INIT(l4d_cuda_frame_capacity);
   capacity.width = kWidth;
   capacity.height = kHeight;

@@ -58,14 +58,13 @@ inline l4d_gaussians rows_of(const l4d_gaussians& gaussians, uint64_t first, uin
 }
 
 // Whether all arrays are there that a scene of Gaussians needs.
-inline bool has_all_arrays(const l4d_gaussians& gaussians, bool needs_sh = true) {
+inline bool has_all_arrays(const l4d_gaussians& gaussians) {
   bool all = true;
   for_each_attribute(
       [&](const AttributeInfo& a, const float* values) {
         if (a.flag == info_of(Attribute::kMeanTime).flag && gaussians.mean_t_double != nullptr) {
           return;
         }
-        if (a.flag == info_of(Attribute::kSh).flag && !needs_sh) return;
         all = all && values != nullptr;
       },
       gaussians);

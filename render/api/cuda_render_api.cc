@@ -45,13 +45,11 @@ Status check_timeline(const l4d_timeline& timeline) {
   return {};
 }
 
-// Gaussians with indices have no SH of their own.
-Status check_gaussians(const l4d_gaussians& g, bool indexed) {
+Status check_gaussians(const l4d_gaussians& g) {
   if (g.sh_degree > 3) return l4d::invalid_argument("sh_degree is above 3");
-  if (g.count > 0 && !l4d::has_all_arrays(g, !indexed)) {
+  if (g.count > 0 && !l4d::has_all_arrays(g)) {
     return l4d::invalid_argument("an attribute array is NULL");
   }
-  if (indexed && g.sh != nullptr) return l4d::invalid_argument("sh is given beside indices");
   return {};
 }
 
@@ -81,26 +79,12 @@ void l4d_cuda_renderer_destroy(l4d_cuda_renderer* renderer) {
 }
 l4d_status l4d_cuda_renderer_set_gaussians(l4d_cuda_renderer* renderer,
                                            const l4d_gaussians* gaussians,
-                                           const l4d_cuda_sh_indices* indices,
                                            const l4d_timeline* timeline) {
-  const char* bad = required(gaussians, timeline);
-  return call(renderer, bad != nullptr ? bad : optional(indices), [&](auto& r) -> Status {
+  return call(renderer, required(gaussians, timeline), [&](auto& r) -> Status {
     const l4d_gaussians g = read_struct(*gaussians);
-    L4D_RETURN_IF_ERROR(check_gaussians(g, indices != nullptr));
+    L4D_RETURN_IF_ERROR(check_gaussians(g));
     L4D_RETURN_IF_ERROR(check_timeline(*timeline));
-    if (indices == nullptr) return r.set_device_gaussians(g, *timeline);
-    return r.set_indexed_gaussians(g, read_struct(*indices), *timeline);
-  });
-}
-l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* renderer,
-                                              const l4d_codebook* codebooks, uint32_t count) {
-  return call(renderer, nullptr, [&](auto& r) -> Status {
-    if (count > L4D_MAX_STAGES) return l4d::invalid_argument("too many stages");
-    std::vector<l4d_codebook> copies;
-    if (const char* bad = read_array(codebooks, count, &copies)) {
-      return l4d::invalid_argument(bad);
-    }
-    return r.set_sh_codebooks(copies.data(), count);
+    return r.set_device_gaussians(g, *timeline);
   });
 }
 l4d_status l4d_cuda_renderer_reserve(l4d_cuda_renderer* renderer,

@@ -46,7 +46,7 @@ l4d_status call(l4d_cuda_live* handle, const char* bad, const Body& body) {
 [[maybe_unused]] Status check_scene(const l4d_gaussians& g, const l4d_timeline& timeline,
                                     uint32_t* sh_stride) {
   if (g.sh_degree > 3) return invalid_argument("sh_degree is above 3");
-  if (g.count > 0 && !l4d::has_all_arrays(g, true)) {
+  if (g.count > 0 && !l4d::has_all_arrays(g)) {
     return invalid_argument("an attribute array is NULL");
   }
   if (!l4d::is_valid(timeline)) return invalid_argument(l4d::kTimelineRule);

@@ -21,7 +21,6 @@ L4D_FIRST_VERSION(l4d_measure_report, unseen);
 L4D_FIRST_VERSION(l4d_render_stats, seconds);
 
 L4D_FIRST_VERSION(l4d_cuda_renderer_options, reserved);
-L4D_FIRST_VERSION(l4d_cuda_sh_indices, num_escapes);
 L4D_FIRST_VERSION(l4d_cuda_frame_capacity, instances);
 L4D_FIRST_VERSION(l4d_cuda_image, reserved);
 L4D_FIRST_VERSION(l4d_cuda_frame_stats, seconds);

@@ -117,7 +117,7 @@ TEST(ResidentRender, WholeScenesInBothFormats) {
     for (const uint32_t format : {L4D_CUDA_SH_FLOAT32, L4D_CUDA_SH_FLOAT16}) {
       const Handle r = make(format);
       const l4d_gaussians g = device.view();
-      check(l4d_cuda_renderer_set_gaussians(r.get(), &g, nullptr, &scene.timeline));
+      check(l4d_cuda_renderer_set_gaussians(r.get(), &g, &scene.timeline));
       const l4d_cuda_frame_capacity capacity = capacity_of(camera, scene.count(), 1 << 20);
       check(l4d_cuda_renderer_reserve(r.get(), &capacity));
       std::vector<uint32_t> bytes;
@@ -151,7 +151,7 @@ TEST(ResidentRender, ReportsMissingCapacity) {
     const Handle r = make(L4D_CUDA_SH_FLOAT32);
     EXPECT_EQ(l4d_cuda_renderer_render(r.get(), 1, &camera, &image, nullptr),
               L4D_ERR_INVALID_STATE);
-    check(l4d_cuda_renderer_set_gaussians(r.get(), &g, nullptr, &scene.timeline));
+    check(l4d_cuda_renderer_set_gaussians(r.get(), &g, &scene.timeline));
     const l4d_cuda_frame_capacity capacity = capacity_of(camera, visible, instances);
     check(l4d_cuda_renderer_reserve(r.get(), &capacity));
     EXPECT_EQ(l4d_cuda_renderer_render(r.get(), 1, &larger, &image, nullptr),

@@ -28,7 +28,7 @@ class DeviceSlices {
     StoreShape shape = shape_of(g, scene.timeline);
     shape.sh_degree = scene.sh_degree;
     must(store.reserve(shape));
-    must(store.store_scene(g, nullptr));
+    must(store.store_scene(g));
     must(frame_.create());
     FrameCapacity capacity;
     capacity.width = capacity.height = 16;

@@ -7,7 +7,7 @@
  *
  *   l4d_cuda_renderer* r;
  *   l4d_cuda_renderer_create(NULL, &r);
- *   l4d_cuda_renderer_set_gaussians(r, &device_arrays, NULL, &timeline);
+ *   l4d_cuda_renderer_set_gaussians(r, &device_arrays, &timeline);
  *   l4d_cuda_renderer_reserve(r, &capacity);                     // once; render() never allocates
  *   l4d_cuda_renderer_render(r, 2.5, &camera, &image, stream);   // returns at once
  *   l4d_cuda_renderer_get_stats(r, stream, &stats);              // waits; was the capacity enough?
@@ -20,7 +20,6 @@
 #ifndef L4D_EXPERIMENTAL_CUDA_RENDER_H
 #define L4D_EXPERIMENTAL_CUDA_RENDER_H
 
-#include "l4d/experimental/packed.h"
 #include "l4d/render.h"
 
 #ifdef __cplusplus
@@ -50,33 +49,11 @@ L4D_API void l4d_cuda_renderer_destroy(l4d_cuda_renderer* renderer); /* accepts 
 
 /* ---- the scene ------------------------------------------------------------------------------- */
 
-/* A scene may keep SH as codebook indices, as l4d_cuda_decoder_decode_packed returns them: each
- * Gaussian takes 2 bytes per stage plus 2 or 4, and SH is reconstructed in each frame. With
- * L4D_CUDA_SH_FLOAT32 images equal those of expanded SH bit for bit. Sets the codebooks of all
- * stages. codebooks: [count], codebooks[0].struct_size bytes apart, with `entries` on the device,
- * as l4d_cuda_decoder_get_codebook returns them. They are copied, in the renderer's sh_format.
- * Discards a scene that used the previous codebooks. count = 0 removes them.
- */
-L4D_API l4d_status l4d_cuda_renderer_set_sh_codebooks(l4d_cuda_renderer* renderer,
-                                                      const l4d_codebook* codebooks,
-                                                      uint32_t count);
-/* Device arrays of N Gaussians. Indices are clamped to their codebook and depths to the number of
- * stages; an escape beyond num_escapes counts as SH of 0. */
-typedef struct l4d_cuda_sh_indices {
-  size_t struct_size;
-  const uint8_t* depth;   /* [N] stages that add up, 255 = escape; NULL: all stages, no escapes */
-  const uint16_t* index;  /* [num_stages][N], stage s of Gaussian i at s * stride + i */
-  uint64_t stride;        /* the capacity of l4d_cuda_packed_buffers */
-  const uint16_t* escape; /* [num_escapes, (D+1)^2, 3] binary16, in order of their Gaussians */
-  uint64_t num_escapes;
-} l4d_cuda_sh_indices;
-/* Sets a scene. The arrays of `gaussians` and `indices` are device pointers, and copied; their
- * values are not checked. indices: NULL, or what tells SH; then gaussians->sh is NULL. The renderer
- * keeps 76 bytes and the SH of each Gaussian, and 8 more if gaussians->window is not NULL. Waits.
- * Fails with INVALID_STATE if there are indices and no codebooks. */
+/* Sets a scene. The arrays of `gaussians` are device pointers, and copied; their values are not
+ * checked. The renderer keeps 76 bytes and the SH of each Gaussian, and 8 more if gaussians->window
+ * is not NULL. Waits. */
 L4D_API l4d_status l4d_cuda_renderer_set_gaussians(l4d_cuda_renderer* renderer,
                                                    const l4d_gaussians* gaussians,
-                                                   const l4d_cuda_sh_indices* indices,
                                                    const l4d_timeline* timeline);
 
 /* ---- frames ---------------------------------------------------------------------------------- */

@@ -9,9 +9,8 @@
 namespace l4d::render {
 
 // Visible rows of a block, in the kernels that go through them in order. Of large blocks fewer wait
-// for each other in turn, but with SH in binary32, which sums of codewords are, two of them do not
-// fit beside each other.
-constexpr int project_piece(bool half_sh, bool indexed) { return half_sh && !indexed ? 512 : 256; }
+// for each other in turn, but with SH in binary32 two of them do not fit beside each other.
+constexpr int project_piece(bool half_sh) { return half_sh ? 512 : 256; }
 constexpr int kEmitPiece = 256;
 
 // Device memory of a frame.

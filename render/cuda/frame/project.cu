@@ -65,8 +65,7 @@ __device__ bool splat_of_row(const ResidentGaussians& slots, const View<float>& 
   return true;
 }
 
-// Sh: CoefficientSh or IndexedSh.
-template <uint32_t kDegree, int kThreads, class Sh>
+template <uint32_t kDegree, bool kHalf, int kThreads = project_piece(kHalf)>
 __global__ void __launch_bounds__(kThreads)
     project_rows(ResidentGaussians slots, FrameInput input, FrameMemory memory) {
   await_predecessor();
@@ -81,7 +80,7 @@ __global__ void __launch_bounds__(kThreads)
 
   DeviceSplat splat;
   float position[3], depth = 0;
-  Sh sh;
+  StoredSh<kDegree, kHalf> sh;
   const bool shown = at < n && splat_of_row(slots, input.view, input.time, memory.visible[at],
                                             position, &splat, &depth);
   // The longest loads begin before anything waits for other warps.
@@ -104,7 +103,6 @@ __global__ void __launch_bounds__(kThreads)
     count_digits(input.depth_digits, key, digits);
     float direction[3] = {0, 0, 1};
     if (kDegree > 0) view_direction(input.view, position, direction);
-    sh.finish(slots, splat.slot & kSlotMask);
     sh_color(kDegree, sh, direction, splat.color);
     for (float& channel : splat.color) channel = fmaxf(channel, 0.0f);
   }
@@ -122,28 +120,17 @@ __global__ void __launch_bounds__(kThreads)
 
 using Kernel = void (*)(ResidentGaussians, FrameInput, FrameMemory);
 
-template <uint32_t kDegree>
-Kernel kernel_of(bool half, bool indexed) {
-  constexpr int kSmall = project_piece(false, true), kLarge = project_piece(true, false);
-  static_assert(kSmall == project_piece(false, false) && kSmall == project_piece(true, true));
-  if (indexed) {
-    return half ? project_rows<kDegree, kSmall, IndexedSh<kDegree, true>>
-                : project_rows<kDegree, kSmall, IndexedSh<kDegree, false>>;
-  }
-  return half ? project_rows<kDegree, kLarge, CoefficientSh<kDegree, true>>
-              : project_rows<kDegree, kSmall, CoefficientSh<kDegree, false>>;
-}
-
-Kernel kernel_of(uint32_t degree, bool half, bool indexed) {
+template <bool kHalf>
+Kernel kernel_of(uint32_t degree) {
   switch (degree) {
     case 0:
-      return kernel_of<0>(half, indexed);
+      return project_rows<0, kHalf>;
     case 1:
-      return kernel_of<1>(half, indexed);
+      return project_rows<1, kHalf>;
     case 2:
-      return kernel_of<2>(half, indexed);
+      return project_rows<2, kHalf>;
     default:
-      return kernel_of<3>(half, indexed);
+      return project_rows<3, kHalf>;
   }
 }
 
@@ -151,11 +138,11 @@ Kernel kernel_of(uint32_t degree, bool half, bool indexed) {
 
 void launch_project(const ResidentGaussians& slots, const FrameInput& input,
                     const FrameMemory& memory, cudaStream_t stream) {
-  const bool indexed = slots.codebooks.num_stages > 0;
-  const unsigned threads = static_cast<unsigned>(project_piece(input.half_sh, indexed));
+  const unsigned threads = static_cast<unsigned>(project_piece(input.half_sh));
   const unsigned grid = (memory.max_visible + threads - 1) / threads;
-  launch(kernel_of(input.sh_degree, input.half_sh, indexed), grid, threads, stream, slots, input,
-         memory);
+  const Kernel kernel =
+      input.half_sh ? kernel_of<true>(input.sh_degree) : kernel_of<false>(input.sh_degree);
+  launch(kernel, grid, threads, stream, slots, input, memory);
 }
 
 }  // namespace l4d::render

@@ -5,7 +5,6 @@
 #include <cstring>
 #include <limits>
 
-#include "l4d/experimental/packed.h"
 #include "libl4dcodec/base/checked.h"
 #include "libl4dcodec/scene/prepare.h"
 #include "render/cuda/importance/in_flight_views.h"
@@ -78,7 +77,7 @@ class Implementation : public DeviceRenderer {
     shape.sh_degree = gaussians.sh_degree;
     shape.half_sh = options_.half_sh;
     L4D_RETURN_IF_ERROR(reserve_store(shape));
-    L4D_RETURN_IF_ERROR(store_.store_scene(gaussians, nullptr));
+    L4D_RETURN_IF_ERROR(store_.store_scene(gaussians));
     gaussians_ = gaussians;
     return {};
   }
@@ -132,20 +131,6 @@ class Implementation : public DeviceRenderer {
     return views_ == nullptr ? Status() : views_->finish();
   }
 
-  Status set_sh_codebooks(const l4d_codebook* codebooks, uint32_t count) override {
-    L4D_RETURN_IF_ERROR(use());
-    return store_.set_codebooks(codebooks, count, options_.half_sh);
-  }
-  Status set_indexed_gaussians(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices& indices,
-                               const l4d_timeline& timeline) override {
-    L4D_RETURN_IF_ERROR(use());
-    forget_scene();
-    StoreShape shape = shape_of(gaussians, timeline);
-    shape.sh = StoredSh::kIndices;
-    L4D_RETURN_IF_ERROR(reserve_store(shape));
-    L4D_RETURN_IF_ERROR(store_.reserve_escapes(indices.num_escapes));
-    return store_.store_scene(gaussians, &indices);
-  }
   Status reserve(uint32_t width, uint32_t height, uint64_t visible, uint64_t instances) override {
     L4D_RETURN_IF_ERROR(use());
     FrameCapacity capacity;

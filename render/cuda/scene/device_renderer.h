@@ -10,7 +10,6 @@
 #include <memory>
 
 #include "l4d/experimental/cuda_render.h"
-#include "l4d/experimental/packed.h"
 #include "libl4dcodec/base/status.h"
 #include "render/cuda/frame/image_target.h"
 #include "render/cuda/importance/device_importance.h"
@@ -58,11 +57,6 @@ class DeviceRenderer {
   // Arrays of `gaussians` are device pointers here. Waits.
   virtual Status set_device_gaussians(const l4d_gaussians& gaussians,
                                       const l4d_timeline& timeline) = 0;
-  // SH codebooks of device arrays, copied; and scenes that tell SH by indices into them. Wait.
-  virtual Status set_sh_codebooks(const l4d_codebook* codebooks, uint32_t count) = 0;
-  virtual Status set_indexed_gaussians(const l4d_gaussians& gaussians,
-                                       const l4d_cuda_sh_indices& indices,
-                                       const l4d_timeline& timeline) = 0;
   // Waits where it has to grow.
   virtual Status reserve(uint32_t width, uint32_t height, uint64_t visible, uint64_t instances) = 0;
   virtual Status launch(double time, const l4d_camera& camera, const float* background,

@@ -64,7 +64,7 @@ Status Live::set_scene(const l4d_gaussians& gaussians, const l4d_timeline& timel
   has_copy_ = false;
   L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
   StoreShape shape = shape_of(gaussians, timeline);
-  shape.sh = StoredSh::kExternal;
+  shape.external_sh = true;
   L4D_RETURN_IF_ERROR(store_.reserve(shape));
   const Batch all{0, static_cast<uint32_t>(shape.slots), kMoving};
   L4D_RETURN_IF_ERROR(store_.set_batches(&all, shape.slots > 0 ? 1 : 0, nullptr));

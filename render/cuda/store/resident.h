@@ -27,20 +27,6 @@ struct Chunk {
 };
 constexpr uint32_t kChunkSlots = 1024;
 
-// SH codebooks of slots whose SH is given by indices.
-struct ShCodebookTable {
-  uint32_t num_stages;  // 0: slots hold coefficients
-  uint32_t entries[L4D_MAX_STAGES];
-  const void* codebook[L4D_MAX_STAGES];  // [entries, sh_stride()] binary32 or binary16
-  const uint16_t* escapes;               // [.., sh_stride()] binary16
-  // Of 4 bytes, of a slot. The first one tells the depth in its lowest bits and in the upper half
-  // the index of stage 0, or, of an escape, where among the escapes it is; the next ones two
-  // indices each.
-  L4D_HOST_DEVICE uint32_t words() const { return 1 + num_stages / 2; }
-};
-constexpr uint32_t kShDepthBits = 4;
-constexpr uint32_t kShEscape = 15;
-
 // A Gaussian made ready for slicing: 64 bytes, its window and its SH, in columns. Times are seconds
 // from the middle of the sequence, or from what `origin` says: in a sequence of many hours,
 // binary32 from its middle would not tell frames apart. `motion` is read of slots that move, the
@@ -51,11 +37,10 @@ struct ResidentGaussians {
   float4* motion;             // [slots] velocity; reference time
   float4* shape0;             // [slots] covariance xx xy xz yy
   float4* shape1;             // [slots] covariance yz zz; mean time, lambda
-  void* sh;      // [slots, sh_words] binary32, or binary16 padded to whole 8 bytes, or indices
-  uint32_t* id;  // [slots] index in the scene
-  FrameWindow* window;  // [slots] flat windows; NULL: no slot has one
+  void* sh;                   // [slots, sh_words] binary32, or binary16 padded to whole 8 bytes
+  uint32_t* id;               // [slots] index in the scene
+  FrameWindow* window;        // [slots] flat windows; NULL: no slot has one
   double* origin;  // [slots / kChunkSlots] seconds from the middle of the sequence; NULL: 0 for all
-  ShCodebookTable codebooks;
   uint32_t sh_words;  // of 4 bytes, from one slot's SH to the next one's
 };
 

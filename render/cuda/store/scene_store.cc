@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <string>
 
-#include "l4d/experimental/packed.h"
 #include "render/cuda/kernel/launched.h"
 
 namespace l4d::render {
@@ -24,14 +23,7 @@ Status grow(size_t wanted, size_t used, cuda::DeviceMemory* memory) {
 }  // namespace
 
 size_t SceneStore::slot_sh_bytes() const {
-  switch (shape_.sh) {
-    case StoredSh::kExternal:
-      return 0;
-    case StoredSh::kIndices:
-      return resident_.codebooks.words() * sizeof(uint32_t);
-    case StoredSh::kOwn:
-      break;
-  }
+  if (shape_.external_sh) return 0;
   return sh_stride(shape_.sh_degree, shape_.half_sh) *
          (shape_.half_sh ? sizeof(uint16_t) : sizeof(float));
 }
@@ -43,20 +35,9 @@ size_t SceneStore::slot_bytes() const {
 
 Status SceneStore::reserve(const StoreShape& shape) {
   if (shape.slots > kSlotMask) return Status(L4D_ERR_LIMIT_EXCEEDED, "more than 2^30 - 1 slots");
-  const bool indices = shape.sh == StoredSh::kIndices;
-  if (indices && codebooks_.empty()) {
-    return Status(L4D_ERR_INVALID_STATE, "there are no codebooks");
-  }
   L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
   ++revision_;
   shape_ = shape;
-  resident_.codebooks = {};
-  if (indices) {
-    shape_.sh_degree = codebooks_.degree();
-    shape_.half_sh = half_codebooks_;
-    L4D_RETURN_IF_ERROR(codebooks_.reserve(0, 0));
-    resident_.codebooks = codebooks_.codebooks();
-  }
   if (!shape.chunk_clocks) slots_ = num_chunks_ = 0;
   return make_slots(shape.slots);
 }
@@ -92,48 +73,13 @@ Status SceneStore::make_slots(size_t slots) {
   return {};
 }
 
-Status SceneStore::set_codebooks(const l4d_codebook* codebooks, uint32_t count, bool half_sh) {
-  // Indices into the codebooks that go mean nothing any more.
-  if (shape_.sh == StoredSh::kIndices) {
-    StoreShape empty;
-    empty.sequence = shape_.sequence;
-    L4D_RETURN_IF_ERROR(reserve(empty));
-  }
-  half_codebooks_ = half_sh;
-  return codebooks_.set(codebooks, count, half_sh);
-}
-
-Status SceneStore::reserve_escapes(uint64_t escapes) {
-  if (shape_.sh != StoredSh::kIndices) {
-    return Status(L4D_ERR_INVALID_STATE, "slots are not of indices");
-  }
-  L4D_RETURN_IF_ERROR(codebooks_.reserve(slots_, escapes));
-  resident_.codebooks = codebooks_.codebooks();
-  return {};
-}
-
 void SceneStore::set_external_sh(const float* sh, uint32_t stride, uint32_t degree) {
   resident_.sh = const_cast<float*>(sh);  // frames only read it
   resident_.sh_words = stride;
   shape_.sh_degree = degree;
 }
 
-Status SceneStore::take_indices(const l4d_cuda_sh_indices* indices, uint64_t count, ShIndices* out,
-                                cudaStream_t stream) {
-  if ((indices != nullptr) != (shape_.sh == StoredSh::kIndices)) {
-    return Status(L4D_ERR_INVALID_STATE, indices != nullptr ? "the slots hold SH, not indices"
-                                                            : "the slots hold indices, not SH");
-  }
-  return indices == nullptr ? Status() : codebooks_.take(*indices, count, out, stream);
-}
-
-void SceneStore::launch_store_slots(const l4d_gaussians& gaussians, const ShIndices& indices,
-                                    const StorePlace& place, cudaStream_t stream) {
-  launch_store(gaussians, shape_.sequence, place, shape_.half_sh, resident_, stream);
-  if (shape_.sh == StoredSh::kIndices) launch_store_indices(indices, place, resident_, stream);
-}
-
-Status SceneStore::store_scene(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices) {
+Status SceneStore::store_scene(const l4d_gaussians& gaussians) {
   const size_t n = static_cast<size_t>(gaussians.count);
   if (n > slots_ || gaussians.sh_degree != shape_.sh_degree) {
     return invalid_argument("the reserved capacity is too small for the scene");
@@ -144,8 +90,6 @@ Status SceneStore::store_scene(const l4d_gaussians& gaussians, const l4d_cuda_sh
   L4D_RETURN_IF_ERROR(states.reserve(words * sizeof(uint32_t)));
   L4D_RETURN_IF_ERROR(counts.reserve(kNumMotionGroups * sizeof(uint32_t)));
   const cudaStream_t stream = nullptr;
-  ShIndices taken{};
-  L4D_RETURN_IF_ERROR(take_indices(indices, gaussians.count, &taken, stream));
   L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(states.data(), 0, words * sizeof(uint32_t), stream));
   L4D_RETURN_IF_CUDA_ERROR(cudaMemsetAsync(counts.data(), 0, counts.size(), stream));
   launch_group(gaussians, shape_.sequence, lists.as<uint32_t>(), counts.as<uint32_t>(),
@@ -160,7 +104,7 @@ Status SceneStore::store_scene(const l4d_gaussians& gaussians, const l4d_cuda_sh
   for (uint32_t group = 0; group < kNumMotionGroups; ++group) {
     place.list = lists.as<uint32_t>() + size_t{group} * n;
     place.count = lengths[group];
-    launch_store_slots(gaussians, taken, place, stream);
+    launch_store(gaussians, shape_.sequence, place, shape_.half_sh, resident_, stream);
     batches[group] = {place.first, place.count, group};
     place.first += place.count;
   }

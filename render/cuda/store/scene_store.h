@@ -5,26 +5,17 @@
 
 #include <optional>
 
-#include "l4d/experimental/packed.h"
 #include "libl4dcodec/cuda/device.h"
-#include "render/cuda/store/codebooks.h"
 #include "render/cuda/store/store.h"
 
 namespace l4d::render {
 
-// Where a slot has its SH.
-enum class StoredSh {
-  kOwn,      // coefficients in the store
-  kIndices,  // indices into the store's codebooks
-  kExternal  // coefficients in an array of the caller, see SceneStore::set_external_sh()
-};
-
 struct StoreShape {
   size_t slots = 0;  // rounded up to whole chunks if `chunk_clocks`
   Sequence sequence{};
-  StoredSh sh = StoredSh::kOwn;
-  uint32_t sh_degree = 0;  // of kOwn; codebooks and external arrays state their own
-  bool half_sh = false;    // of kOwn: binary16
+  bool external_sh = false;  // in an array of the caller: set_external_sh()
+  uint32_t sh_degree = 0;    // of the store's own
+  bool half_sh = false;      // of the store's own: binary16
   // Each chunk of kChunkSlots slots has a clock of its own (ResidentGaussians::origin), and a
   // store that is reserved again keeps what it has.
   bool chunk_clocks = false;
@@ -48,21 +39,13 @@ class SceneStore {
   SceneStore& operator=(const SceneStore&) = delete;
 
   // Reserves memory of the calling thread's device and waits for the device. Unless
-  // shape.chunk_clocks, the slots are lost. Fails with LIMIT_EXCEEDED above 2^30 - 1 slots, with
-  // INVALID_STATE if shape.sh is kIndices and there are no codebooks.
+  // shape.chunk_clocks, the slots are lost. Fails with LIMIT_EXCEEDED above 2^30 - 1 slots.
   Status reserve(const StoreShape& shape);
-  // Copies the SH codebooks of slots of indices, which are lost. Waits for the device.
-  Status set_codebooks(const l4d_codebook* codebooks, uint32_t count, bool half_sh);
-  const ShCodebooks& codebooks() const { return codebooks_; }
-  // Reserves memory for the escapes of slots of indices; those it had are lost. Waits for the
-  // device.
-  Status reserve_escapes(uint64_t escapes);
   // sh: [slots, stride] binary32 in device memory; frames show it up to `degree`.
   void set_external_sh(const float* sh, uint32_t stride, uint32_t degree);
 
-  // Fills the store with a whole scene from device arrays, sorted by motion. indices: of
-  // slots of indices, else NULL. Waits for the device.
-  Status store_scene(const l4d_gaussians& gaussians, const l4d_cuda_sh_indices* indices);
+  // Fills the store with a whole scene from device arrays, sorted by motion. Waits for the device.
+  Status store_scene(const l4d_gaussians& gaussians);
   // Slots were written through resident(): slices of them are out of date.
   void touch() { ++revision_; }
 
@@ -91,10 +74,6 @@ class SceneStore {
   size_t slot_sh_bytes() const;
   size_t slot_window_bytes() const { return shape_.windows.has_value() ? sizeof(FrameWindow) : 0; }
   Status make_slots(size_t slots);
-  Status take_indices(const l4d_cuda_sh_indices* indices, uint64_t count, ShIndices* out,
-                      cudaStream_t stream);
-  void launch_store_slots(const l4d_gaussians& gaussians, const ShIndices& indices,
-                          const StorePlace& place, cudaStream_t stream);
 
   StoreShape shape_;
   size_t slots_ = 0;
@@ -102,8 +81,6 @@ class SceneStore {
   uint64_t revision_ = 1;
   cuda::DeviceMemory columns_[8], origins_, chunks_;
   ResidentGaussians resident_{};
-  ShCodebooks codebooks_;
-  bool half_codebooks_ = false;
 };
 
 }  // namespace l4d::render

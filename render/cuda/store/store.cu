@@ -110,7 +110,6 @@ void launch_store(const l4d_gaussians& gaussians, const Sequence& sequence, cons
   if (place.count == 0) return;
   const unsigned grid = (place.count + kThreads - 1) / kThreads;
   launch(store_gaussians, grid, kThreads, stream, gaussians, sequence, place, slots);
-  if (slots.codebooks.num_stages > 0) return;
   const uint32_t numbers = 3 * sh_terms(gaussians.sh_degree);
   const uint32_t stride = sh_stride(gaussians.sh_degree, half_sh);
   const unsigned blocks = grid < 4096 ? grid : 4096;

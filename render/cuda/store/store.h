@@ -56,7 +56,6 @@ __device__ inline void store_slot(const Prepared& p, double origin, uint32_t id,
   if (slots.window != nullptr) slots.window[slot] = p.window;
 }
 #endif
-// Rows of indices get theirs by launch_store_indices().
 void launch_store(const l4d_gaussians& gaussians, const Sequence& sequence, const StorePlace& place,
                   bool half_sh, const ResidentGaussians& slots, cudaStream_t stream);
 
