@@ -2,10 +2,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "encoder/search/nearest.h"
+#include "encoder/search/nearest_grid.h"
 #include "encoder/search/nearest_index.h"
+#include "encoder/search/nearest_job.h"
 #include "libl4dcodec/base/threads.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -13,60 +16,15 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-// Once, not per target.
-#ifndef L4D_ENCODER_NEAREST_SIMD_ONCE
-#define L4D_ENCODER_NEAREST_SIMD_ONCE
-namespace l4d {
-namespace {
-// A search over points [begin, end); labels and distances hold what is known so far.
-struct NearestJob {
-  const NearestIndex* index;
-  const float* points;   // [n, dim]
-  const uint32_t* hint;  // [n] or nullptr
-  uint32_t first_label;  // of codeword 0
-  uint32_t* labels;      // [n]
-  float* sq_dist;        // [n]
-  bool keep_known;       // codewords have to beat labels and sq_dist as given
-};
-}  // namespace
-}  // namespace l4d
-#endif
+#include "encoder/search/row_distance-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace l4d {
 namespace HWY_NAMESPACE {
 namespace {
-namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr size_t kFan = NearestIndex::kFan;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-
-using D = hn::CappedTag<float, 8>;
-using V = hn::Vec<D>;
-
-// The sum of the partial sums in an order of our own: a device repeats it.
-HWY_INLINE float sum_of_lanes(V v) {
-  const D d;
-  HWY_ALIGN float lane[8] = {};
-  hn::Store(v, d, lane);
-  return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
-}
-
-// Squared distance in the one order of operations all searches use above kMaxPlainDim dimensions.
-HWY_INLINE float row_distance(const float* HWY_RESTRICT a, const float* HWY_RESTRICT b,
-                              size_t dim) {
-  const D d;
-  const size_t lanes = hn::Lanes(d);
-  V sum = hn::Zero(d);
-  size_t j = 0;
-  for (; j + lanes <= dim; j += lanes) {
-    const V e = hn::Sub(hn::LoadU(d, a + j), hn::LoadU(d, b + j));
-    sum = hn::MulAdd(e, e, sum);
-  }
-  float rest = 0;
-  for (; j < dim; ++j) rest += (a[j] - b[j]) * (a[j] - b[j]);
-  return sum_of_lanes(sum) + rest;
-}
 
 HWY_INLINE float sum_of_squares(const float* HWY_RESTRICT v, size_t count) {
   const D d;
@@ -118,6 +76,7 @@ class Search {
 
   void run() { visit(index_.boxes.size() - 1, 0); }
 
+  size_t leaves() const { return leaves_; }
   bool outside() const { return label_ == kOutside; }
   uint32_t label() const { return label_; }
   float distance() const { return best_; }
@@ -250,6 +209,7 @@ class Search {
   }
 
   void scan_sketches(size_t leaf) {
+    ++leaves_;
     const D d;
     const size_t lanes = hn::Lanes(d);
     const size_t width = index_.sketch_dim();
@@ -301,6 +261,7 @@ class Search {
   float best_ = kInfinity;
   float limit_ = kInfinity;  // sketches further than this cannot be of the nearest codeword
   uint32_t label_ = 0;
+  size_t leaves_ = 0;  // looked at, by their sketches
 };
 
 // Points a tile, so that a tile of rotated vectors stays in the first-level cache.
@@ -355,10 +316,10 @@ void rotate(const NearestIndex& index, const float* rows, size_t count, float* H
 }
 
 template <class S>
-HWY_INLINE void finish(S& search, const NearestJob& job, size_t i) {
+HWY_INLINE void finish(S& search, const NearestIndex& index, const NearestJob& job, size_t i) {
   if (job.keep_known) {
     search.know(job.sq_dist[i]);
-  } else if (job.hint != nullptr && job.hint[i] < job.index->k) {
+  } else if (job.hint != nullptr && job.hint[i] < index.k) {
     search.offer(job.hint[i]);
   }
   search.run();
@@ -369,17 +330,17 @@ HWY_INLINE void finish(S& search, const NearestJob& job, size_t i) {
 }
 
 template <size_t kDim>
-void search_plain(const NearestJob& job, size_t begin, size_t end) {
-  Search<kDim, true> search(*job.index);
+void search_plain(const NearestIndex& index, const NearestJob& job, size_t begin, size_t end) {
+  Search<kDim, true> search(index);
   for (size_t i = begin; i < end; ++i) {
-    const float* row = job.points + i * job.index->dim;
+    const float* row = job.points + i * index.dim;
     search.start(row, row, 0.0f);
-    finish(search, job, i);
+    finish(search, index, job, i);
   }
 }
 
-void search_sketches(const NearestJob& job, size_t begin, size_t end) {
-  const NearestIndex& index = *job.index;
+// Returns how many leaves were looked at.
+size_t search_sketches(const NearestIndex& index, const NearestJob& job, size_t begin, size_t end) {
   const size_t dim = index.dim;
   const size_t stride = index.rotated() ? index.axes.stride : dim;
   std::vector<float> centred(kTile * index.axes.stride), rotated(centred.size());
@@ -400,21 +361,22 @@ void search_sketches(const NearestJob& job, size_t begin, size_t end) {
       std::copy_n(v, index.lead, sketch.data());
       sketch[index.lead] = std::sqrt(tail);
       search.start(rows + i * dim, sketch.data(), std::sqrt(lead + tail));
-      finish(search, job, tile + i);
+      finish(search, index, job, tile + i);
     }
   }
+  return search.leaves();
 }
 
-void search_range(const NearestJob& job, size_t begin, size_t end) {
-  if (!job.index->plain()) {
-    search_sketches(job, begin, end);
-  } else if (job.index->dim == 3) {
-    search_plain<3>(job, begin, end);
-  } else if (job.index->dim == 4) {
-    search_plain<4>(job, begin, end);
+size_t search_range(const NearestIndex& index, const NearestJob& job, size_t begin, size_t end) {
+  if (!index.plain()) return search_sketches(index, job, begin, end);
+  if (index.dim == 3) {
+    search_plain<3>(index, job, begin, end);
+  } else if (index.dim == 4) {
+    search_plain<4>(index, job, begin, end);
   } else {
-    search_plain<0>(job, begin, end);
+    search_plain<0>(index, job, begin, end);
   }
+  return 0;
 }
 
 }  // namespace
@@ -431,15 +393,44 @@ HWY_EXPORT(search_range);
 // Finding axes costs a few milliseconds: not for a handful of points, nor for a single leaf.
 bool worth_rotating(size_t n, size_t k, size_t dim) { return n >= 32 * dim && k > 64; }
 
-void search_all(NearestJob job, size_t n, int threads) {
+// Some points are searched by the tree, into arrays of their own. If the tree looks at so many
+// codewords that looking at all of them on a grid takes less time, returns the grid, else null.
+// Results are the same either way.
+std::unique_ptr<NearestGrid> grid_if_faster(const NearestIndex& index, const NearestJob& job,
+                                            size_t n) {
+  constexpr size_t kSample = 128, kMinPoints = 32 * kSample, kMinCodewords = 64;
+  // The time that a leaf takes by the tree, over that on the grid.
+  constexpr size_t kLeafCost = 5;
+  if (index.plain() || n < kMinPoints || index.k < kMinCodewords) return nullptr;
+  const size_t dim = index.dim, step = n / kSample;
+  std::vector<float> rows(kSample * dim), sq_dist(kSample);
+  std::vector<uint32_t> hint(kSample, ~uint32_t{0}), labels(kSample);
+  for (size_t s = 0; s < kSample; ++s) {
+    std::copy_n(job.points + s * step * dim, dim, rows.data() + s * dim);
+    if (job.hint != nullptr) hint[s] = job.hint[s * step];
+    if (job.keep_known) sq_dist[s] = job.sq_dist[s * step];
+  }
+  const NearestJob some = {rows.data(),   hint.data(),    job.first_label,
+                           labels.data(), sq_dist.data(), job.keep_known};
+  const size_t leaves = HWY_DYNAMIC_DISPATCH(search_range)(index, some, 0, kSample);
+  if (leaves * kLeafCost <= index.num_leaves() * kSample) return nullptr;
+  return std::make_unique<NearestGrid>(index.codebook, index.k, dim, rows.data(), kSample);
+}
+
+void search_all(const NearestIndex& index, const NearestJob& job, size_t n, int threads) {
   // Where there are few codewords to look at, a piece of this many points would be done before
   // another thread has begun.
   constexpr size_t kMinGrain = 1024;
   constexpr size_t kMinWork = size_t{1} << 18;
-  const size_t per_point = job.index->dim * std::min<size_t>(job.index->k, 64);
+  const size_t per_point = index.dim * std::min<size_t>(index.k, 64);
   const size_t grain = std::max(kMinGrain, kMinWork / per_point);
+  const std::unique_ptr<NearestGrid> grid = grid_if_faster(index, job, n);
   parallel_for(threads, n, grain, [&](size_t begin, size_t end) {
-    HWY_DYNAMIC_DISPATCH(search_range)(job, begin, end);
+    if (grid != nullptr) {
+      search_grid(*grid, job, begin, end);
+    } else {
+      HWY_DYNAMIC_DISPATCH(search_range)(index, job, begin, end);
+    }
   });
 }
 
@@ -454,7 +445,7 @@ void assign_nearest(const float* points, size_t n, size_t dim, const float* code
     return;
   }
   const NearestIndex index(codebook, k, dim, axes == Axes::kAny && worth_rotating(n, k, dim));
-  search_all({&index, points, hint, 0, labels, sq_dist, false}, n, backend.threads);
+  search_all(index, {points, hint, 0, labels, sq_dist, false}, n, backend.threads);
 }
 
 void update_nearest(const float* points, size_t n, size_t dim, const float* codebook, size_t k,
@@ -466,7 +457,7 @@ void update_nearest(const float* points, size_t n, size_t dim, const float* code
     return;
   }
   const NearestIndex index(codebook, k, dim, false);
-  search_all({&index, points, nullptr, first_label, labels, sq_dist, true}, n, backend.threads);
+  search_all(index, {points, nullptr, first_label, labels, sq_dist, true}, n, backend.threads);
 }
 
 }  // namespace l4d

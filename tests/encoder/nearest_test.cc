@@ -13,6 +13,7 @@
 #include <tuple>
 #include <vector>
 
+#include "encoder/search/nearest_grid.h"
 #include "tests/encoder/vectors.h"
 
 namespace l4d {
@@ -235,6 +236,72 @@ TEST_P(NearestTest, UpdateEqualsAssignmentToTheWholeCodebook) {
     ASSERT_EQ(first, 420u);
     EXPECT_EQ(got, want);
   }
+}
+
+// The grid on its own, as few points as it takes.
+Result on_grid(const std::vector<float>& points, size_t dim, const std::vector<float>& codebook,
+               Result known = {}, const std::vector<uint32_t>* hint = nullptr) {
+  const size_t n = points.size() / dim;
+  const bool keep = !known.labels.empty();
+  known.labels.resize(n);
+  known.sq_dist.resize(n);
+  const NearestGrid grid(codebook.data(), codebook.size() / dim, dim, points.data(), 1);
+  search_grid(grid,
+              {points.data(), hint == nullptr ? nullptr : hint->data(), 0, known.labels.data(),
+               known.sq_dist.data(), keep},
+              0, n);
+  return known;
+}
+
+TEST_P(NearestTest, GridFindsWhatTheTreeFinds) {
+  for (const size_t dim : {9u, 12u, 27u, 48u, 65u}) {
+    for (const size_t k : {1u, 31u, 33u, 257u}) {
+      SCOPED_TRACE(testing::Message() << "dim " << dim << " k " << k);
+      // A point far out is in heavy tails and beyond the grid; one codeword in blobs is, too.
+      const auto tails = heavy_tails(70, dim, 7);
+      const auto tail_codebook = heavy_tails(k, dim, 8);
+      EXPECT_EQ(on_grid(tails, dim, tail_codebook), assign(tails, dim, tail_codebook));
+      const auto points = blobs(70, dim, 1, dim);
+      auto codebook = blobs(k, dim, 1, dim + 1);
+      codebook[(k - 1) * dim] = 1e9f;
+      const Result want = assign(points, dim, codebook);
+      EXPECT_EQ(on_grid(points, dim, codebook), want);
+      std::vector<uint32_t> hint(70, static_cast<uint32_t>(k - 1));
+      hint[0] = static_cast<uint32_t>(k);  // no codeword
+      EXPECT_EQ(on_grid(points, dim, codebook, {}, &hint), want);
+      EXPECT_EQ(on_grid(points, dim, codebook, {std::vector<uint32_t>(70, 7), want.sq_dist}).labels,
+                std::vector<uint32_t>(70, 7));  // what is known wins ties
+    }
+  }
+}
+
+TEST_P(NearestTest, GridKeepsTiesScalesAndNumbersThatAreNone) {
+  constexpr size_t kDim = 12;
+  auto points = lattice(70, kDim, 1, 1);
+  auto codebook = lattice(150, kDim, 1, 2);
+  codebook.insert(codebook.end(), codebook.begin(), codebook.end());  // every one twice
+  EXPECT_EQ(on_grid(points, kDim, codebook), reference(points, kDim, codebook));
+  for (const float scale : {1e-30f, 1e-19f, 1e15f, 1e25f}) {
+    auto far_points = points, far_codebook = codebook;
+    for (float& v : far_points) v *= scale;
+    for (float& v : far_codebook) v *= scale;
+    EXPECT_EQ(on_grid(far_points, kDim, far_codebook), assign(far_points, kDim, far_codebook));
+  }
+  codebook[0] = kNan;
+  codebook[kDim + 1] = kInfinity;
+  points[2 * kDim] = kNan;
+  points[3 * kDim] = -kInfinity;
+  points[4 * kDim] = 1e30f;
+  EXPECT_EQ(on_grid(points, kDim, codebook), assign(points, kDim, codebook));
+  const std::vector<float> none(2 * kDim, kNan);
+  EXPECT_EQ(on_grid(points, kDim, none), assign(points, kDim, none));
+}
+
+// Noise, of which the tree rules nothing out, in as many points as make the search change over.
+TEST_P(NearestTest, SearchOfNoiseIsExact) {
+  const auto points = blobs(4096, 12, 1, 3);
+  const auto codebook = blobs(64, 12, 1, 4);
+  expect_close(points, 12, codebook, assign(points, 12, codebook, 2));
 }
 
 TEST_P(NearestTest, LargestCodebook) {
