@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "decoder/expand/transform.h"
 #include "encoder/prepare/scalar.h"
@@ -54,6 +55,14 @@ TransformSource source_of(const CodedTransform& coded, const std::vector<float>&
     source.coefficient[k] = coded.coefficient[k].data();
   }
   return source;
+}
+
+// v x 2^exponent, |exponent| <= 1000, as std::ldexp returns it in several times the time.
+double times_power(double v, int exponent) {
+  const uint64_t bits = static_cast<uint64_t>(1023 + exponent) << 52;
+  double power;
+  std::memcpy(&power, &bits, sizeof power);
+  return v * power;
 }
 
 class TransformCoder {
@@ -256,7 +265,7 @@ class TransformCoder {
       }
       c[k] = sum / static_cast<double>(step0_);
       for (size_t j = 0; j < base_ && k >= base_; ++j) c[k] -= c[j] * leaning[k * base_ + j];
-      largest = std::max(largest, std::ldexp(std::fabs(c[k]), octaves_of(k)));
+      largest = std::max(largest, times_power(std::fabs(c[k]), octaves_of(k)));
     }
     return largest;
   }
@@ -270,11 +279,11 @@ class TransformCoder {
       double c = given[k];
       // What rounding of the base changes in other numbers, these make up for.
       for (size_t j = 0; j < base_ && k >= base_; ++j) {
-        const double rounded = std::ldexp(out_.coefficient[j][i], -exponent - base_octaves_);
+        const double rounded = times_power(out_.coefficient[j][i], -exponent - base_octaves_);
         c += (given[j] - rounded) * leaning[k * base_ + j];
       }
-      const double scaled = std::ldexp(c, exponent + octaves_of(k));
-      const bool is_dead = dead > 0 && k >= base_ && std::fabs(std::ldexp(scaled, -dead)) < 0.5;
+      const double scaled = times_power(c, exponent + octaves_of(k));
+      const bool is_dead = dead > 0 && k >= base_ && std::fabs(times_power(scaled, -dead)) < 0.5;
       out_.coefficient[k][i] =
           is_dead ? int16_t{0} : nearest_code<int16_t>(scaled, -kMaxCoefficient, kMaxCoefficient);
     }
@@ -319,7 +328,7 @@ class TransformCoder {
     for (size_t d = 0; d < dim_; ++d) sum[d] = static_cast<double>(out_.basis[d]);
     for (size_t k = 0; k < dim_; ++k) {
       if (out_.coefficient[k][i] == 0) continue;
-      add_axis(k, std::ldexp(out_.coefficient[k][i], -int{out_.step_exponent[i]}), sum);
+      add_axis(k, times_power(out_.coefficient[k][i], -int{out_.step_exponent[i]}), sum);
     }
     for (size_t d = 0; d < dim_; ++d) decoded[d] = static_cast<float>(sum[d]);
   }
@@ -338,7 +347,7 @@ class TransformCoder {
       for (size_t d = 0; d < dim_; ++d) {
         left[d] = static_cast<double>(out_.basis[d]) - row(i, d);
       }
-      for (size_t k = 0; k < dim_; ++k) add_axis(k, std::ldexp(c[k], octaves_of(k)), left);
+      for (size_t k = 0; k < dim_; ++k) add_axis(k, times_power(c[k], octaves_of(k)), left);
       for (size_t k = 0; k < dim_; ++k) {
         const float* axis = out_.basis.data() + (k + 1) * dim_;
         double along = 0;
