@@ -103,7 +103,7 @@ bool is_numbered_image(const std::string& pattern, const std::string& name);
 std::string numbered_image(const std::string& pattern, uint32_t frame);
 
 // Cameras around a scene that has none: on one ring at the height of the centre, or from 12 cameras
-// on also on rings 30 degrees below and above. They look at the subject of the scene
+// on also on rings 30 degrees below and above. They look at the whole subject of the scene
 // (io/camera/subject.h) with a field of view of 60 degrees in the smaller direction, from where its
 // ball fits. The rings' axis is that of the subject. A scene that states a view from within that
 // ball is a place: its first camera stands where this view does, or nearer to the middle; the

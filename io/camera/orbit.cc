@@ -112,7 +112,7 @@ CameraSet orbit_cameras(const Scene& scene, uint32_t count, uint32_t width, uint
                 "images have 1 to " + std::to_string(kMaxImageSize) + " pixels a side");
   }
   const std::shared_ptr<void> memory = hold(holder, subject_bytes(scene), "an orbit");
-  const Subject subject = subject_of(scene);
+  const Subject subject = whole_subject_of(scene);
   const std::optional<Ring> within = ring_within(scene, subject);
   const Ring orbit = within ? *within : ring_around(subject);
 

@@ -224,6 +224,26 @@ Vec3 up_of(const std::vector<Point>& points, const Subject& subject, uint32_t co
   return {0, y > kLeastFoot ? 1.0 : -1.0, 0};
 }
 
+// whole: whatever moves.
+Subject find_subject(const Scene& scene, bool whole) {
+  const bool has_bounds = scene.presentation.has_bounds != 0;
+  const std::vector<Point> points = visible_points(scene, !has_bounds && !whole);
+  if (points.empty()) {
+    throw Error(L4D_ERR_INVALID_SCENE, "no Gaussian is visible: there is nothing to look at");
+  }
+  Subject subject = has_bounds ? ball_of_bounds(scene.presentation) : ball_of(points);
+  // What it stands on is not dense: it counts before the rest is left out.
+  subject.up = up_of(points, subject, scene.placement.coordinate_system);
+  if (!has_bounds) {
+    Subject dense = ball_of(dense_points(points, subject));
+    const std::optional<Subject> action = whole ? std::nullopt : action_of(points, dense);
+    if (action) dense = *action;
+    subject.center = dense.center;
+    subject.radius = dense.radius;
+  }
+  return subject;
+}
+
 }  // namespace
 
 double area_of(const Scene& scene, size_t i) {
@@ -262,22 +282,8 @@ uint64_t subject_bytes(const Scene& scene) {
   return std::max(scene.count() * kPoints, scene.count() * kCopies + kGrid);
 }
 
-Subject subject_of(const Scene& scene) {
-  const bool has_bounds = scene.presentation.has_bounds != 0;
-  const std::vector<Point> points = visible_points(scene, !has_bounds);
-  if (points.empty()) {
-    throw Error(L4D_ERR_INVALID_SCENE, "no Gaussian is visible: there is nothing to look at");
-  }
-  Subject subject = has_bounds ? ball_of_bounds(scene.presentation) : ball_of(points);
-  // What it stands on is not dense: it counts before the rest is left out.
-  subject.up = up_of(points, subject, scene.placement.coordinate_system);
-  if (!has_bounds) {
-    Subject dense = ball_of(dense_points(points, subject));
-    if (const std::optional<Subject> action = action_of(points, dense)) dense = *action;
-    subject.center = dense.center;
-    subject.radius = dense.radius;
-  }
-  return subject;
-}
+Subject subject_of(const Scene& scene) { return find_subject(scene, false); }
+
+Subject whole_subject_of(const Scene& scene) { return find_subject(scene, true); }
 
 }  // namespace l4d::io

@@ -26,7 +26,10 @@ struct Subject {
 // Error(L4D_ERR_INVALID_SCENE) if none is visible.
 Subject subject_of(const Scene& scene);
 
-// What subject_of() and SightGrid take while they look at a scene, at most.
+// The same, whatever moves: cameras around the one who moves would stand in the midst of the rest.
+Subject whole_subject_of(const Scene& scene);
+
+// What they and SightGrid take while they look at a scene, at most.
 uint64_t subject_bytes(const Scene& scene);
 
 // Of the broadest side of Gaussian i, square scene units; 0 where it is absurd or

@@ -214,24 +214,38 @@ TEST(Subject, LeavesOutFloatersAndHills) {
   EXPECT_NEAR(subject.radius, 0.95, 0.1);
 }
 
-// Someone who moves in a room is what is looked at, and not the room.
-TEST(Subject, IsWhereSomethingHappens) {
+// Of a room for five seconds: its walls, which stay.
+constexpr size_t kWalls = 9000;
+Scene room_with_someone() {
   Scene room = empty_scene();
   set_duration(room.timeline, 5);
   room.flags = L4D_POSITION_AT_MEAN_TIME;
-  add_ball(&room, 9000, {0, 0, 0}, 3, 0.1, 0.95F, true);
-  const size_t first = room.count();
+  add_ball(&room, kWalls, {0, 0, 0}, 3, 0.1, 0.95F, true);
   add_ball(&room, 1500, {1, 0.5, 1}, 0.7, 0.03, 0.9F);
   for (size_t i = 0; i < room.count(); ++i) {
     room.mean_t[i] = 2.5F;
-    room.log_scale[4 * i + 3] = i < first ? 3.0F : -1.5F;
+    room.log_scale[4 * i + 3] = i < kWalls ? 3.0F : -1.5F;
   }
+  return room;
+}
+
+// Someone who moves in a room is what is looked at, and not the room.
+TEST(Subject, IsWhereSomethingHappens) {
+  Scene room = room_with_someone();
   const Subject subject = subject_of(room);
   EXPECT_LT(distance(subject.center.data(), {1, 0.5, 1}), 0.2);
   EXPECT_NEAR(subject.radius, 0.65, 0.1);
+  EXPECT_GT(whole_subject_of(room).radius, 2);
   // Where all of it comes and goes, nothing stands out.
-  for (size_t i = 0; i < first; ++i) room.log_scale[4 * i + 3] = -1.5F;
+  for (size_t i = 0; i < kWalls; ++i) room.log_scale[4 * i + 3] = -1.5F;
   EXPECT_GT(subject_of(room).radius, 2);
+}
+
+// The cameras would stand among the walls, and see what is before and behind them by chance.
+TEST(OrbitCameras, GoAroundMoreThanWhatMoves) {
+  for (const Camera& camera : orbit_cameras(room_with_someone(), 15, 64, 48).cameras) {
+    EXPECT_GT(distance(eye_of(camera.camera).data(), {0, 0, 0}), 5);
+  }
 }
 
 TEST(Subject, IsWhatTheSceneStates) {
