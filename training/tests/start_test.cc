@@ -103,5 +103,14 @@ TEST(Start, PointsAreReadAsTheyAreOrNamed) {
             "cameras.");
 }
 
+// TrainingNightly starts from these, and continuous integration does not run it.
+TEST(Start, TruePointsAreRead) {
+  const test::Folder folder;
+  test::write_true_points(folder / "points.ply");
+  std::vector<std::string> notes;
+  EXPECT_EQ(read_points(folder / "points.ply", &notes).size(), 3000U);
+  EXPECT_TRUE(notes.empty());
+}
+
 }  // namespace
 }  // namespace l4d::train

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -101,7 +102,10 @@ inline void write_true_points(const std::string& path) {
     for (size_t c = 0; c < 3; ++c) {
       out << static_cast<double>(truth.position[3 * i + c]) + noise(random) << " ";
     }
-    for (size_t c = 0; c < 3; ++c) out << 0.5f + 0.28209479f * truth.sh[width * i + c] << " ";
+    for (size_t c = 0; c < 3; ++c) {
+      // The lights of the scene are brighter than a point may be.
+      out << std::clamp(0.5f + 0.28209479f * truth.sh[width * i + c], 0.0f, 1.0f) << " ";
+    }
     out << truth.mean_t[i] << "\n";
   }
 }
