@@ -75,7 +75,9 @@ bool Planner::add_pieces(Part* part, const Chunk& chunk, const std::vector<Under
     }
     const bool has_begun = out->urgency != Urgency::kNone;
     if (has_begun) clip(out->begin, out->end, &begin, &end);
-    at = end;
+    // A request may have begun in the middle of a block that was evicted since: what it brings is
+    // behind `at` then, and the search goes on behind the gap.
+    at = end > at ? end : blocks.gap_end(at, limit);
     if (begin >= end) continue;
     if (!has_begun) {
       *out = {begin, std::min(end, begin + shape.max_bytes), urgency, chunk.rung, false, step, 0,
