@@ -27,18 +27,18 @@ using l4d::api::read_optional;
 using l4d::api::read_struct;
 using l4d::api::required;
 using l4d::api::write_struct;
-using l4d::render::LiveView;
+using l4d::render::TrainableView;
 
-struct l4d_cuda_live {
-  l4d::render::Live live;
+struct l4d_cuda_trainable {
+  l4d::render::TrainableScene trainable;
   mutable l4d::api::Busy busy;
 };
 
 namespace {
 
 template <typename Body>
-l4d_status call(l4d_cuda_live* handle, const char* bad, const Body& body) {
-  return call_on(handle, bad, [&] { return on_device(handle->live, body); });
+l4d_status call(l4d_cuda_trainable* handle, const char* bad, const Body& body) {
+  return call_on(handle, bad, [&] { return on_device(handle->trainable, body); });
 }
 
 // Builds without device code call neither of these.
@@ -61,7 +61,7 @@ l4d_status call(l4d_cuda_live* handle, const char* bad, const Body& body) {
   return {};
 }
 
-[[maybe_unused]] Status read_view(const l4d_cuda_live_view& in, LiveView* out) {
+[[maybe_unused]] Status read_view(const l4d_cuda_trainable_view& in, TrainableView* out) {
   if (const char* bad = required(in.camera)) return invalid_argument(bad);
   out->camera = read_camera(*in.camera);
   L4D_RETURN_IF_ERROR(l4d::render::check_camera(out->camera));
@@ -77,7 +77,8 @@ l4d_status call(l4d_cuda_live* handle, const char* bad, const Body& body) {
 
 }  // namespace
 
-l4d_status l4d_cuda_live_create(const l4d_cuda_renderer_options* options, l4d_cuda_live** out) {
+l4d_status l4d_cuda_trainable_create(const l4d_cuda_renderer_options* options,
+                                     l4d_cuda_trainable** out) {
   return keep_last(guard([&]() -> Status {
     if (const char* bad = required(out)) return invalid_argument(bad);
     if (const char* bad = optional(options)) return invalid_argument(bad);
@@ -85,85 +86,90 @@ l4d_status l4d_cuda_live_create(const l4d_cuda_renderer_options* options, l4d_cu
     if (o.sh_format != L4D_CUDA_SH_FLOAT32 || o.device > 4096 || o.time_passes > 1) {
       return invalid_argument("sh_format must be FLOAT32, device at most 4096, time_passes 0 or 1");
     }
-    auto handle = std::make_unique<l4d_cuda_live>();
+    auto handle = std::make_unique<l4d_cuda_trainable>();
     const auto create = [&](auto& l) -> Status {
       L4D_RETURN_IF_ERROR(l.create(static_cast<int>(o.device)));
       return o.time_passes != 0 ? l.time_passes() : Status();
     };
-    L4D_RETURN_IF_ERROR(on_device(handle->live, create));
+    L4D_RETURN_IF_ERROR(on_device(handle->trainable, create));
     *out = handle.release();
     return {};
   }));
 }
-void l4d_cuda_live_destroy(l4d_cuda_live* live) {
-  if (l4d::api::may_destroy(live)) delete live;
+void l4d_cuda_trainable_destroy(l4d_cuda_trainable* trainable) {
+  if (l4d::api::may_destroy(trainable)) delete trainable;
 }
-l4d_status l4d_cuda_live_set_scene(l4d_cuda_live* live, const l4d_gaussians* gaussians,
-                                   const l4d_timeline* timeline, const l4d_cuda_live_rows* rows) {
+l4d_status l4d_cuda_trainable_set_scene(l4d_cuda_trainable* trainable,
+                                        const l4d_gaussians* gaussians,
+                                        const l4d_timeline* timeline,
+                                        const l4d_cuda_trainable_rows* rows) {
   const char* bad = required(gaussians, timeline);
-  return call(live, bad != nullptr ? bad : optional(rows), [&](auto& l) -> Status {
+  return call(trainable, bad != nullptr ? bad : optional(rows), [&](auto& l) -> Status {
     const l4d_gaussians g = read_struct(*gaussians);
-    l4d_cuda_live_rows r = rows == nullptr ? l4d_cuda_live_rows{} : read_struct(*rows);
+    l4d_cuda_trainable_rows r = rows == nullptr ? l4d_cuda_trainable_rows{} : read_struct(*rows);
     L4D_RETURN_IF_ERROR(check_scene(g, *timeline, &r.sh_stride));
     return l.set_scene(g, *timeline, r);
   });
 }
-l4d_status l4d_cuda_live_set_sh_degree(l4d_cuda_live* live, uint32_t degree) {
-  return call(live, nullptr, [&](auto& l) { return l.set_sh_degree(degree); });
+l4d_status l4d_cuda_trainable_set_sh_degree(l4d_cuda_trainable* trainable, uint32_t degree) {
+  return call(trainable, nullptr, [&](auto& l) { return l.set_sh_degree(degree); });
 }
-l4d_status l4d_cuda_live_refresh(l4d_cuda_live* live, void* stream) {
-  return call(live, nullptr, [&](auto& l) { return l.refresh(stream); });
+l4d_status l4d_cuda_trainable_refresh(l4d_cuda_trainable* trainable, void* stream) {
+  return call(trainable, nullptr, [&](auto& l) { return l.refresh(stream); });
 }
-l4d_status l4d_cuda_live_reserve(l4d_cuda_live* live, const l4d_cuda_frame_capacity* capacity,
-                                 uint32_t views) {
-  return call(live, required(capacity), [&](auto& l) -> Status {
+l4d_status l4d_cuda_trainable_reserve(l4d_cuda_trainable* trainable,
+                                      const l4d_cuda_frame_capacity* capacity, uint32_t views) {
+  return call(trainable, required(capacity), [&](auto& l) -> Status {
     const l4d_cuda_frame_capacity wanted = read_struct(*capacity);
     L4D_RETURN_IF_ERROR(l4d::render::check_image_size(wanted.width, wanted.height));
-    if (views == 0 || views > L4D_CUDA_LIVE_MAX_VIEWS) {
+    if (views == 0 || views > L4D_CUDA_TRAINABLE_MAX_VIEWS) {
       return invalid_argument("views must be between 1 and 16");
     }
     return l.reserve(wanted, views);
   });
 }
-l4d_status l4d_cuda_live_forward(l4d_cuda_live* live, const l4d_cuda_live_view* views,
-                                 uint32_t num_views, void* stream) {
-  return call(live, required(views), [&](auto& l) -> Status {
+l4d_status l4d_cuda_trainable_forward(l4d_cuda_trainable* trainable,
+                                      const l4d_cuda_trainable_view* views, uint32_t num_views,
+                                      void* stream) {
+  return call(trainable, required(views), [&](auto& l) -> Status {
     if (num_views == 0) return invalid_argument("num_views is 0");
-    std::vector<l4d_cuda_live_view> given;
+    std::vector<l4d_cuda_trainable_view> given;
     if (const char* bad = read_array(views, num_views, &given)) {
       return invalid_argument(bad);
     }
-    std::vector<LiveView> checked(given.size());
+    std::vector<TrainableView> checked(given.size());
     for (size_t v = 0; v < given.size(); ++v) {
       L4D_RETURN_IF_ERROR(read_view(given[v], &checked[v]));
     }
     return l.forward(checked, stream);
   });
 }
-l4d_status l4d_cuda_live_backward(l4d_cuda_live* live, const l4d_cuda_live_loss* losses,
-                                  uint32_t num_views, const l4d_gradients* gradients,
-                                  const l4d_cuda_live_statistics* statistics, void* stream) {
+l4d_status l4d_cuda_trainable_backward(l4d_cuda_trainable* trainable,
+                                       const l4d_cuda_trainable_loss* losses, uint32_t num_views,
+                                       const l4d_gradients* gradients,
+                                       const l4d_cuda_trainable_statistics* statistics,
+                                       void* stream) {
   const char* bad = required(losses, gradients);
-  return call(live, bad != nullptr ? bad : optional(statistics), [&](auto& l) -> Status {
-    std::vector<l4d_cuda_live_loss> given;
+  return call(trainable, bad != nullptr ? bad : optional(statistics), [&](auto& l) -> Status {
+    std::vector<l4d_cuda_trainable_loss> given;
     if (const char* wrong = read_array(losses, num_views, &given)) {
       return invalid_argument(wrong);
     }
-    for (const l4d_cuda_live_loss& loss : given) {
+    for (const l4d_cuda_trainable_loss& loss : given) {
       if (loss.rgb_gradient == nullptr) return invalid_argument("rgb_gradient of a view is NULL");
     }
-    const l4d_cuda_live_statistics s =
-        statistics == nullptr ? l4d_cuda_live_statistics{} : read_struct(*statistics);
+    const l4d_cuda_trainable_statistics s =
+        statistics == nullptr ? l4d_cuda_trainable_statistics{} : read_struct(*statistics);
     return l.backward(given, read_struct(*gradients), s, stream);
   });
 }
-l4d_status l4d_cuda_live_copy_report(l4d_cuda_live* live, void* stream) {
-  return call(live, nullptr, [&](auto& l) { return l.copy_report(stream); });
+l4d_status l4d_cuda_trainable_copy_report(l4d_cuda_trainable* trainable, void* stream) {
+  return call(trainable, nullptr, [&](auto& l) { return l.copy_report(stream); });
 }
-l4d_status l4d_cuda_live_get_report(l4d_cuda_live* live, uint32_t wait,
-                                    l4d_cuda_live_report* report) {
-  return call(live, required(report), [&](auto& l) -> Status {
-    l4d_cuda_live_report out{};
+l4d_status l4d_cuda_trainable_get_report(l4d_cuda_trainable* trainable, uint32_t wait,
+                                         l4d_cuda_trainable_report* report) {
+  return call(trainable, required(report), [&](auto& l) -> Status {
+    l4d_cuda_trainable_report out{};
     L4D_RETURN_IF_ERROR(l.get_report(wait != 0, &out));
     write_struct(out, report);
     return {};

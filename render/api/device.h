@@ -6,7 +6,7 @@
 #include "libl4dcodec/base/status.h"
 #ifdef L4D_HAVE_CUDA
 #include "render/cuda/player/player.h"
-#include "render/cuda/scene/live_scene.h"
+#include "render/cuda/scene/trainable_scene.h"
 #endif
 
 namespace l4d::render {
@@ -21,7 +21,7 @@ struct NoDevice {
   template <typename... Options>
   explicit NoDevice(const Options&...) {}
 };
-using Live = NoDevice;
+using TrainableScene = NoDevice;
 using Player = NoDevice;
 
 template <typename Body>

@@ -28,10 +28,10 @@ L4D_FIRST_VERSION(l4d_cuda_frame_stats, seconds);
 L4D_FIRST_VERSION(l4d_cuda_player_options, reserved);
 L4D_FIRST_VERSION(l4d_cuda_player_counters, scratch_bytes);
 
-L4D_FIRST_VERSION(l4d_cuda_live_rows, overflow);
-L4D_FIRST_VERSION(l4d_cuda_live_view, alpha);
-L4D_FIRST_VERSION(l4d_cuda_live_loss, error);
-L4D_FIRST_VERSION(l4d_cuda_live_statistics, screen_gradient);
-L4D_FIRST_VERSION(l4d_cuda_live_report, seconds);
+L4D_FIRST_VERSION(l4d_cuda_trainable_rows, overflow);
+L4D_FIRST_VERSION(l4d_cuda_trainable_view, alpha);
+L4D_FIRST_VERSION(l4d_cuda_trainable_loss, error);
+L4D_FIRST_VERSION(l4d_cuda_trainable_statistics, screen_gradient);
+L4D_FIRST_VERSION(l4d_cuda_trainable_report, seconds);
 
 }  // namespace l4d::api

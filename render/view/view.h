@@ -45,7 +45,7 @@ SplatRules<T> make_rules(const l4d_rendering& r) {
 }
 
 // A view of a trainer, checked.
-struct LiveView {
+struct TrainableView {
   l4d_camera camera;
   double time;
   float background[3];

@@ -11,7 +11,7 @@
 #include "render/frame/scene.h"
 #include "tests/common/codec.h"
 #include "tests/gpu/decode_support.h"
-#include "tests/gpu/live_support.h"
+#include "tests/gpu/trainable_support.h"
 #include "tests/render/unlimited.h"
 
 namespace l4d::render {
@@ -62,7 +62,7 @@ class DeviceSlices {
     return out;
   }
   const uint32_t count_;
-  const LiveArrays arrays_;
+  const TrainableArrays arrays_;
   DeviceFrame frame_;
 };
 

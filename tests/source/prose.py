@@ -30,6 +30,7 @@ PATTERN = re.compile("|".join(f"({p})" for p in PHRASES), re.IGNORECASE)
 
 # Word -> what it means in every name, and names that used it for something else.
 NAMES = {
+    "live": ("of a presentation that grows", ("LiveScene", "LiveView", "l4d_cuda_live")),
     "part": ("none: pages have chunks", ("SessionPart",)),
     "row": ("of pixels, a matrix, a table or a PLY", ("SessionPool::Row",)),
     "window": ("the frames in which a Gaussian is visible", ("ReaderWindow", "WindowStage")),

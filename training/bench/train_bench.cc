@@ -76,15 +76,15 @@ class Step {
     check(cudaStreamCreate(&stream_));
     l4d_cuda_renderer_options options = L4D_INIT(l4d_cuda_renderer_options);
     options.time_passes = timed;
-    if (l4d_cuda_live_create(&options, &live_) != L4D_OK) std::exit(1);
+    if (l4d_cuda_trainable_create(&options, &live_) != L4D_OK) std::exit(1);
     const l4d_gaussians g = model_.gaussians();
-    ok(l4d_cuda_live_set_scene(live_, &g, &scene_.timeline, nullptr));
+    ok(l4d_cuda_trainable_set_scene(live_, &g, &scene_.timeline, nullptr));
     l4d_cuda_frame_capacity capacity = L4D_INIT(l4d_cuda_frame_capacity);
     capacity.width = cameras[0].width;
     capacity.height = cameras[0].height;
     capacity.visible = scene_.count();
     capacity.instances = std::max<uint64_t>(6 * scene_.count(), 1u << 20);
-    ok(l4d_cuda_live_reserve(live_, &capacity, views));
+    ok(l4d_cuda_trainable_reserve(live_, &capacity, views));
     const size_t pixels = size_t{capacity.width} * capacity.height;
     for (uint32_t v = 0; v < views; ++v) {
       views_.push_back(std::make_unique<View>(pixels, capacity.width, capacity.height));
@@ -115,7 +115,7 @@ class Step {
   }
   ~Step() {
     cudaStreamSynchronize(stream_);
-    l4d_cuda_live_destroy(live_);
+    l4d_cuda_trainable_destroy(live_);
     cudaStreamDestroy(stream_);
   }
   cudaStream_t stream() const { return stream_; }
@@ -125,30 +125,31 @@ class Step {
     const double share = (k % 97 + 0.5) / 97;
     chosen_.clear();
     for (size_t v = 0; v < views_.size(); ++v) {
-      l4d_cuda_live_view view = L4D_INIT(l4d_cuda_live_view);
+      l4d_cuda_trainable_view view = L4D_INIT(l4d_cuda_trainable_view);
       view.camera = &cameras_[(static_cast<size_t>(k) * views_.size() + v) % cameras_.size()];
       view.time = scene_.timeline.time_begin + io::duration(scene_.timeline) * share;
       view.rgb = views_[v]->rgb.get();
       chosen_.push_back(view);
     }
   }
-  void refresh() { ok(l4d_cuda_live_refresh(live_, stream_)); }
-  void forward() { ok(l4d_cuda_live_forward(live_, chosen_.data(), count(), stream_)); }
+  void refresh() { ok(l4d_cuda_trainable_refresh(live_, stream_)); }
+  void forward() { ok(l4d_cuda_trainable_forward(live_, chosen_.data(), count(), stream_)); }
   void loss() {
     train::launch_loss_forward(batch_, flags_.get(), stream_);
     train::launch_loss_backward(batch_, stream_);
   }
   void backward() {
     check(cudaMemsetAsync(model_.shown(), 0, scene_.count(), stream_));
-    std::vector<l4d_cuda_live_loss> losses(views_.size());
+    std::vector<l4d_cuda_trainable_loss> losses(views_.size());
     for (size_t v = 0; v < losses.size(); ++v) {
-      losses[v] = L4D_INIT(l4d_cuda_live_loss);
+      losses[v] = L4D_INIT(l4d_cuda_trainable_loss);
       losses[v].rgb_gradient = views_[v]->gradient.get();
     }
-    l4d_cuda_live_statistics statistics = L4D_INIT(l4d_cuda_live_statistics);
+    l4d_cuda_trainable_statistics statistics = L4D_INIT(l4d_cuda_trainable_statistics);
     statistics.shown = model_.shown();
     const l4d_gradients gradients = model_.gradients();
-    ok(l4d_cuda_live_backward(live_, losses.data(), count(), &gradients, &statistics, stream_));
+    ok(l4d_cuda_trainable_backward(live_, losses.data(), count(), &gradients, &statistics,
+                                   stream_));
   }
   void adam() {
     train::launch_adam(adam_, model_.adam_arrays(), flags_.get(),
@@ -171,10 +172,10 @@ class Step {
     backward();
     adam();
   }
-  l4d_cuda_live_report report() {
-    l4d_cuda_live_report out = L4D_INIT(l4d_cuda_live_report);
-    ok(l4d_cuda_live_copy_report(live_, stream_));
-    ok(l4d_cuda_live_get_report(live_, 1, &out));
+  l4d_cuda_trainable_report report() {
+    l4d_cuda_trainable_report out = L4D_INIT(l4d_cuda_trainable_report);
+    ok(l4d_cuda_trainable_copy_report(live_, stream_));
+    ok(l4d_cuda_trainable_get_report(live_, 1, &out));
     return out;
   }
 
@@ -212,10 +213,10 @@ class Step {
   Array<train::DeviceLossSums> counts_;
   Array<uint32_t> flags_;
   Array<unsigned long long> change_{2};
-  std::vector<l4d_cuda_live_view> chosen_;
+  std::vector<l4d_cuda_trainable_view> chosen_;
   train::DeviceLossBatch batch_{};
   train::AdamStep adam_;
-  l4d_cuda_live* live_ = nullptr;
+  l4d_cuda_trainable* live_ = nullptr;
   cudaStream_t stream_ = nullptr;
 };
 
@@ -233,7 +234,7 @@ void measure(const io::Scene& scene, const std::vector<l4d_camera>& cameras, con
     for (int k = 1; k < 20; ++k) step.whole(k);
     return;
   }
-  const l4d_cuda_live_report r = step.report();
+  const l4d_cuda_trainable_report r = step.report();
   std::printf("\n## %s, %ux%u, %u view%s a step\n", name, cameras[0].width, cameras[0].height,
               views, views == 1 ? "" : "s");
   std::printf("%zu Gaussians, %llu visible, %llu in view, %llu instances, %llu views skipped\n",
@@ -270,7 +271,7 @@ void measure(const io::Scene& scene, const std::vector<l4d_camera>& cameras, con
     sums[L4D_RENDER_PASS_BACKWARD] += timed.report().seconds[L4D_RENDER_PASS_BACKWARD] / kFrames;
     timed.refresh();
     timed.forward();
-    const l4d_cuda_live_report r1 = timed.report();
+    const l4d_cuda_trainable_report r1 = timed.report();
     for (int s = 0; s < L4D_RENDER_PASS_BACKWARD; ++s) sums[s] += r1.seconds[s] / kFrames;
   }
   const char* names[] = {"slice", "project", "sort", "bin", "blend", "backward to splats"};

@@ -18,7 +18,7 @@ namespace {
 
 constexpr uint64_t kFirstInstances = 1u << 20;
 constexpr double kGrowth = 1.5;  // of what a view needs, where capacity lacks
-// What a live scene allocates (include/l4d/experimental/cuda_train.h).
+// What a trainable scene allocates (include/l4d/experimental/cuda_train.h).
 constexpr uint64_t kLiveBytesOfRow = 84, kViewBytesOfRow = 136, kBytesOfInstance = 68;
 constexpr int kEvents = kStages + 1;
 
@@ -29,8 +29,8 @@ void check_cuda(cudaError_t error, const char* what) {
   if (error != cudaSuccess) check(cuda::device_error(error, what));
 }
 
-struct DestroyLive {
-  void operator()(l4d_cuda_live* live) const { l4d_cuda_live_destroy(live); }
+struct DestroyTrainable {
+  void operator()(l4d_cuda_trainable* live) const { l4d_cuda_trainable_destroy(live); }
 };
 
 // Memory of a view of a step.
@@ -57,8 +57,8 @@ class CudaBackend final : public PhasedBackend {
   CudaBackend(uint32_t device, uint64_t sharing) : device_(static_cast<int>(device)) {
     l4d_cuda_renderer_options options = L4D_INIT(l4d_cuda_renderer_options);
     options.device = device;
-    l4d_cuda_live* live = nullptr;
-    const l4d_status status = l4d_cuda_live_create(&options, &live);
+    l4d_cuda_trainable* live = nullptr;
+    const l4d_status status = l4d_cuda_trainable_create(&options, &live);
     if (status != L4D_OK) throw Error(status, l4d_last_error_message());
     live_.reset(live);
     check(cuda::use_device(device_));
@@ -88,10 +88,10 @@ class CudaBackend final : public PhasedBackend {
     timeline_ = timeline;
     check(model_.load(state, stream_));
     const l4d_gaussians gaussians = model_.gaussians();
-    l4d_cuda_live_rows rows = L4D_INIT(l4d_cuda_live_rows);
+    l4d_cuda_trainable_rows rows = L4D_INIT(l4d_cuda_trainable_rows);
     rows.count = &numbers_.as<StepNumbers>()->count;
     rows.overflow = &counts()->stop;
-    check_live(l4d_cuda_live_set_scene(live(), &gaussians, &timeline_, &rows));
+    check_live(l4d_cuda_trainable_set_scene(live(), &gaussians, &timeline_, &rows));
     degree_ = model_.stored_degree();
     width_ = height_ = 0;
   }
@@ -152,7 +152,7 @@ class CudaBackend final : public PhasedBackend {
  private:
   void share_memory();
   void use() { check_cuda(cudaSetDevice(device_), "selecting the device"); }
-  l4d_cuda_live* live() const { return live_.get(); }
+  l4d_cuda_trainable* live() const { return live_.get(); }
   void check_live(l4d_status status) const {
     if (status != L4D_OK) throw Error(status, l4d_last_error_message());
   }
@@ -162,9 +162,9 @@ class CudaBackend final : public PhasedBackend {
   void send_numbers(const StepInput* input, ViewRange range);
   void clear_sums(const StepInput& input);
   // Of views in the memory of the step.
-  std::vector<l4d_cuda_live_view> live_views(const StepInput& input, ViewRange range) const;
+  std::vector<l4d_cuda_trainable_view> live_views(const StepInput& input, ViewRange range) const;
   DeviceLossBatch loss_batch(const StepInput& input, ViewRange range);
-  l4d_cuda_live_statistics statistics(const StepInput& input) const;
+  l4d_cuda_trainable_statistics statistics(const StepInput& input) const;
   void launch_views(const StepInput& input, ViewRange range);
   AdamStep adam_of(const StepInput& input) const;
   // What an update goes by.
@@ -172,7 +172,7 @@ class CudaBackend final : public PhasedBackend {
   void read_times();
 
   int device_;
-  std::unique_ptr<l4d_cuda_live, DestroyLive> live_;
+  std::unique_ptr<l4d_cuda_trainable, DestroyTrainable> live_;
   cudaStream_t stream_ = nullptr;
   cudaEvent_t events_[kEvents] = {};
   DeviceModel model_;
@@ -208,7 +208,7 @@ void CudaBackend::reserve(const StepInput& input, ViewRange range, uint64_t inst
   capacity.height = height;
   capacity.visible = std::max<uint64_t>(model_.capacity(), 1);
   capacity.instances = instances;
-  check_live(l4d_cuda_live_reserve(live(), &capacity, count));
+  check_live(l4d_cuda_trainable_reserve(live(), &capacity, count));
   const size_t pixels = size_t{width} * height;
   views_.resize(count);
   for (ViewMemory& v : views_) {
@@ -239,11 +239,11 @@ void CudaBackend::send_numbers(const StepInput* input, ViewRange range) {
              "sending a step's numbers");
 }
 
-std::vector<l4d_cuda_live_view> CudaBackend::live_views(const StepInput& input,
-                                                        ViewRange range) const {
-  std::vector<l4d_cuda_live_view> out(range.count());
+std::vector<l4d_cuda_trainable_view> CudaBackend::live_views(const StepInput& input,
+                                                             ViewRange range) const {
+  std::vector<l4d_cuda_trainable_view> out(range.count());
   for (size_t v = 0; v < out.size(); ++v) {
-    out[v] = L4D_INIT(l4d_cuda_live_view);
+    out[v] = L4D_INIT(l4d_cuda_trainable_view);
     out[v].camera = &input.views[range.begin + v].camera;
     out[v].time = input.time;
     std::copy_n(input.background, 3, out[v].background);
@@ -295,8 +295,8 @@ void CudaBackend::clear_sums(const StepInput& input) {
   }
 }
 
-l4d_cuda_live_statistics CudaBackend::statistics(const StepInput& input) const {
-  l4d_cuda_live_statistics statistics = L4D_INIT(l4d_cuda_live_statistics);
+l4d_cuda_trainable_statistics CudaBackend::statistics(const StepInput& input) const {
+  l4d_cuda_trainable_statistics statistics = L4D_INIT(l4d_cuda_trainable_statistics);
   statistics.shown = model_.shown();
   statistics.coverage = input.measure ? model_.coverage() : nullptr;
   statistics.error_coverage = input.measure ? model_.error_coverage() : nullptr;
@@ -309,24 +309,24 @@ l4d_cuda_live_statistics CudaBackend::statistics(const StepInput& input) const {
 
 void CudaBackend::launch_views(const StepInput& input, ViewRange range) {
   const DeviceLossBatch batch = loss_batch(input, range);
-  check_live(l4d_cuda_live_refresh(live(), stream_));
+  check_live(l4d_cuda_trainable_refresh(live(), stream_));
   mark(kPrepare + 1);
-  const std::vector<l4d_cuda_live_view> views = live_views(input, range);
-  check_live(l4d_cuda_live_forward(live(), views.data(), batch.count, stream_));
+  const std::vector<l4d_cuda_trainable_view> views = live_views(input, range);
+  check_live(l4d_cuda_trainable_forward(live(), views.data(), batch.count, stream_));
   mark(kRender + 1);
   launch_loss_forward(batch, &counts()->stop, stream_);
   launch_loss_backward(batch, stream_);
   mark(kLoss + 1);
-  std::vector<l4d_cuda_live_loss> losses(batch.count);
+  std::vector<l4d_cuda_trainable_loss> losses(batch.count);
   for (size_t v = 0; v < losses.size(); ++v) {
-    losses[v] = L4D_INIT(l4d_cuda_live_loss);
+    losses[v] = L4D_INIT(l4d_cuda_trainable_loss);
     losses[v].rgb_gradient = batch.views[v].rgb_gradient;
     losses[v].error = batch.views[v].error;
   }
-  const l4d_cuda_live_statistics shown = statistics(input);
+  const l4d_cuda_trainable_statistics shown = statistics(input);
   const l4d_gradients gradients = model_.gradients();
   check_live(
-      l4d_cuda_live_backward(live(), losses.data(), batch.count, &gradients, &shown, stream_));
+      l4d_cuda_trainable_backward(live(), losses.data(), batch.count, &gradients, &shown, stream_));
 }
 
 AdamStep CudaBackend::adam_of(const StepInput& input) const {
@@ -354,7 +354,7 @@ void CudaBackend::render_views(const StepInput& input, ViewRange range) {
   clear_sums(input);
   if (degree_ != adam.active_sh_degree) {
     degree_ = adam.active_sh_degree;
-    check_live(l4d_cuda_live_set_sh_degree(live(), degree_));
+    check_live(l4d_cuda_trainable_set_sh_degree(live(), degree_));
   }
   if (range.count() > 0) {
     launch_views(input, range);
@@ -379,7 +379,7 @@ void CudaBackend::update(const StepInput& input) {
   use();
   mark(kExchange + 1);
   const AdamStep adam = adam_of(input);
-  const l4d_cuda_live_statistics sums = statistics(input);
+  const l4d_cuda_trainable_statistics sums = statistics(input);
   const size_t pixels = size_t{input.views[0].camera.width} * input.views[0].camera.height;
   const ShownRows shown{sums.shown,
                         sums.coverage,
@@ -404,7 +404,7 @@ void CudaBackend::read_times() {
 // Waits for the device once.
 bool CudaBackend::finish(const StepInput& input, ViewRange range, StepOutput* output) {
   use();
-  if (range.count() > 0) check_live(l4d_cuda_live_copy_report(live(), stream_));
+  if (range.count() > 0) check_live(l4d_cuda_trainable_copy_report(live(), stream_));
   const auto* read = host_counts_.as<StepCounts>();
   check_cuda(cudaMemcpyAsync(host_counts_.data(), counts_.data(), sizeof(StepCounts),
                              cudaMemcpyDeviceToHost, stream_),
@@ -416,8 +416,8 @@ bool CudaBackend::finish(const StepInput& input, ViewRange range, StepOutput* ou
   if (stopped) check(model_.clear_gradients(stream_));
   has_sums_ = false;
   if (range.count() > 0) {
-    l4d_cuda_live_report report = L4D_INIT(l4d_cuda_live_report);
-    check_live(l4d_cuda_live_get_report(live(), 1, &report));
+    l4d_cuda_trainable_report report = L4D_INIT(l4d_cuda_trainable_report);
+    check_live(l4d_cuda_trainable_get_report(live(), 1, &report));
     if (report.required_instances > instances_) {
       const double wanted = kGrowth * static_cast<double>(report.required_instances);
       reserve(input, range, static_cast<uint64_t>(wanted));
@@ -473,18 +473,18 @@ io::Image CudaBackend::render(const l4d_camera& camera, double time, const float
   const ViewRange range{0, 1};
   reserve(input, range, instances_);
   send_numbers(nullptr, {});
-  check_live(l4d_cuda_live_refresh(live(), stream_));
+  check_live(l4d_cuda_trainable_refresh(live(), stream_));
   io::Image image(camera.width, camera.height);
   for (;;) {
-    const std::vector<l4d_cuda_live_view> views = live_views(input, range);
-    check_live(l4d_cuda_live_forward(live(), views.data(), 1, stream_));
-    check_live(l4d_cuda_live_copy_report(live(), stream_));
+    const std::vector<l4d_cuda_trainable_view> views = live_views(input, range);
+    check_live(l4d_cuda_trainable_forward(live(), views.data(), 1, stream_));
+    check_live(l4d_cuda_trainable_copy_report(live(), stream_));
     check_cuda(cudaMemcpyAsync(image.rgb.data(), views[0].rgb, image.rgb.size() * sizeof(float),
                                cudaMemcpyDeviceToHost, stream_),
                "reading an image");
     check_cuda(cudaStreamSynchronize(stream_), "rendering");
-    l4d_cuda_live_report report = L4D_INIT(l4d_cuda_live_report);
-    check_live(l4d_cuda_live_get_report(live(), 1, &report));
+    l4d_cuda_trainable_report report = L4D_INIT(l4d_cuda_trainable_report);
+    check_live(l4d_cuda_trainable_get_report(live(), 1, &report));
     if (report.required_instances <= instances_) return image;
     reserve(input, range,
             static_cast<uint64_t>(kGrowth * static_cast<double>(report.required_instances)));

@@ -19,7 +19,7 @@ struct GradientInput {
       sh_stride;  // numbers from one Gaussian's SH to the next one's, in attributes and gradients
 };
 
-// What a view shows of each Gaussian: l4d_cuda_live_statistics. NULL is not wanted.
+// What a view shows of each Gaussian: l4d_cuda_trainable_statistics. NULL is not wanted.
 struct ViewStatistics {
   uint8_t* shown;
   uint32_t* views;

@@ -18,7 +18,7 @@ __device__ bool is_finite(const Prepared& p) {
 
 __global__ void __launch_bounds__(kThreads)
     refresh(l4d_gaussians gaussians, const uint32_t* count, Sequence sequence,
-            ResidentGaussians slots, LiveCounts* counts) {
+            ResidentGaussians slots, TrainableCounts* counts) {
   await_predecessor();
   const uint32_t capacity = static_cast<uint32_t>(gaussians.count);
   const uint32_t rows = count == nullptr ? capacity : min(*count, capacity);
@@ -32,7 +32,8 @@ __global__ void __launch_bounds__(kThreads)
   slots.interval[i] = {1.0f, 0.0f};
 }
 
-__global__ void note_view(FrameMemory memory, bool first, LiveCounts* counts, uint32_t* overflow) {
+__global__ void note_view(FrameMemory memory, bool first, TrainableCounts* counts,
+                          uint32_t* overflow) {
   await_predecessor();
   const uint32_t visible = memory.slice_counts->wanted, instances = memory.counts->wanted;
   atomicAdd(&counts->views, 1ull);
@@ -51,14 +52,14 @@ __global__ void note_view(FrameMemory memory, bool first, LiveCounts* counts, ui
 }  // namespace
 
 void launch_refresh(const l4d_gaussians& gaussians, const uint32_t* count, const Sequence& sequence,
-                    const ResidentGaussians& slots, LiveCounts* counts, cudaStream_t stream) {
+                    const ResidentGaussians& slots, TrainableCounts* counts, cudaStream_t stream) {
   const unsigned grid = static_cast<unsigned>((gaussians.count + kThreads - 1) / kThreads);
   if (grid == 0) return;
   launch(refresh, grid, kThreads, stream, gaussians, count, sequence, slots, counts);
 }
 
-void launch_note_view(const FrameMemory& memory, bool first, LiveCounts* counts, uint32_t* overflow,
-                      cudaStream_t stream) {
+void launch_note_view(const FrameMemory& memory, bool first, TrainableCounts* counts,
+                      uint32_t* overflow, cudaStream_t stream) {
   launch(note_view, 1, 1, stream, memory, first, counts, overflow);
 }
 

@@ -6,8 +6,8 @@
 
 namespace l4d::render {
 
-// What a live scene counts; device memory that is set to 0 when a scene is set.
-struct LiveCounts {
+// What a trainable scene counts; device memory that is set to 0 when a scene is set.
+struct TrainableCounts {
   unsigned long long views, skipped;
   uint32_t rows;
   uint32_t required_visible, required_instances;
@@ -17,9 +17,9 @@ struct LiveCounts {
 // All slots from the attributes, slot i from row i. count: [1] rows in use, NULL: all of them.
 // Others, and those that are not finite, are never visible.
 void launch_refresh(const l4d_gaussians& gaussians, const uint32_t* count, const Sequence& sequence,
-                    const ResidentGaussians& slots, LiveCounts* counts, cudaStream_t stream);
+                    const ResidentGaussians& slots, TrainableCounts* counts, cudaStream_t stream);
 // Counts a frame that has been made. overflow: becomes 1 where it lacks something; or NULL.
-void launch_note_view(const FrameMemory& memory, bool first, LiveCounts* counts, uint32_t* overflow,
-                      cudaStream_t stream);
+void launch_note_view(const FrameMemory& memory, bool first, TrainableCounts* counts,
+                      uint32_t* overflow, cudaStream_t stream);
 
 }  // namespace l4d::render

@@ -2,7 +2,7 @@
 // Device code of a step of training against the host's: loss, Adam, relocation, whole steps.
 #include <cmath>
 
-#include "tests/gpu/live_support.h"
+#include "tests/gpu/trainable_support.h"
 #include "training/cuda/adam_device.h"
 #include "training/cuda/loss_device.h"
 #include "training/cuda/relocate_device.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/gpu/live_support.h"
+#include "tests/gpu/trainable_support.h"
 #include "training/step/backend.h"
 #include "training/step/schedule.h"
 

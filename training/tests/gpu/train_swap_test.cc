@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "tests/gpu/live_support.h"
+#include "tests/gpu/trainable_support.h"
 #include "training/model/buckets.h"
 #include "training/step/cuda_backend.h"
 #include "training/tests/long_capture.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the tests of live scenes share: arrays of fixed capacity on the device.
+// What the tests of trainable scenes share: arrays of fixed capacity on the device.
 #pragma once
 
 #include <cuda_runtime_api.h>
@@ -62,9 +62,9 @@ inline std::vector<float> gather(const std::vector<float>& from, size_t numbers,
 }
 
 // Six arrays of a scene or of derivatives, of a capacity.
-struct LiveArrays {
+struct TrainableArrays {
   // Rows beyond the scene's are filled with `filler`.
-  LiveArrays(const io::Scene& scene, size_t rows, size_t sh_stride, float filler)
+  TrainableArrays(const io::Scene& scene, size_t rows, size_t sh_stride, float filler)
       : capacity(rows),
         stride(sh_stride),
         position(spread(scene.position, 3, 3, rows, filler)),
@@ -113,37 +113,38 @@ struct LiveArrays {
   DeviceArray<uint32_t> window;
 };
 
-struct DestroyLive {
-  void operator()(l4d_cuda_live* live) const { l4d_cuda_live_destroy(live); }
+struct DestroyTrainable {
+  void operator()(l4d_cuda_trainable* trainable) const { l4d_cuda_trainable_destroy(trainable); }
 };
-using LiveHandle = std::unique_ptr<l4d_cuda_live, DestroyLive>;
+using TrainableHandle = std::unique_ptr<l4d_cuda_trainable, DestroyTrainable>;
 
-inline LiveHandle make_live() {
-  l4d_cuda_live* out = nullptr;
-  EXPECT_EQ(l4d_cuda_live_create(nullptr, &out), L4D_OK);
-  return LiveHandle(out);
+inline TrainableHandle make_trainable() {
+  l4d_cuda_trainable* out = nullptr;
+  EXPECT_EQ(l4d_cuda_trainable_create(nullptr, &out), L4D_OK);
+  return TrainableHandle(out);
 }
 inline void check(l4d_status status) { EXPECT_EQ(status, L4D_OK) << l4d_last_error_message(); }
 
-inline void reserve(const LiveHandle& live, const l4d_camera& camera, uint64_t visible,
+inline void reserve(const TrainableHandle& trainable, const l4d_camera& camera, uint64_t visible,
                     uint64_t instances, uint32_t views) {
   l4d_cuda_frame_capacity capacity = L4D_INIT(l4d_cuda_frame_capacity);
   capacity.width = camera.width;
   capacity.height = camera.height;
   capacity.visible = visible;
   capacity.instances = instances;
-  check(l4d_cuda_live_reserve(live.get(), &capacity, views));
+  check(l4d_cuda_trainable_reserve(trainable.get(), &capacity, views));
 }
 
 // Views of one step with the arrays that they are drawn into and derived from.
-struct LiveViews {
-  LiveViews(const std::vector<l4d_camera>& all, const std::vector<double>& times) : cameras(all) {
+struct TrainableViews {
+  TrainableViews(const std::vector<l4d_camera>& all, const std::vector<double>& times)
+      : cameras(all) {
     for (size_t v = 0; v < cameras.size(); ++v) {
       const size_t pixels = size_t{cameras[v].width} * cameras[v].height;
       rgb.push_back(std::make_unique<DeviceArray<float>>(3 * pixels, -7.0f));
       upstream.push_back(std::make_unique<DeviceArray<float>>(3 * pixels, 0.0f));
       error.push_back(std::make_unique<DeviceArray<float>>(pixels, 0.0f));
-      l4d_cuda_live_view view = L4D_INIT(l4d_cuda_live_view);
+      l4d_cuda_trainable_view view = L4D_INIT(l4d_cuda_trainable_view);
       view.camera = &cameras[v];
       view.time = times[v];
       view.background[0] = 0.2f;
@@ -151,31 +152,31 @@ struct LiveViews {
       view.background[2] = 0.4f;
       view.rgb = rgb[v]->get();
       views.push_back(view);
-      l4d_cuda_live_loss loss = L4D_INIT(l4d_cuda_live_loss);
+      l4d_cuda_trainable_loss loss = L4D_INIT(l4d_cuda_trainable_loss);
       loss.rgb_gradient = upstream[v]->get();
       loss.error = error[v]->get();
       losses.push_back(loss);
     }
   }
   uint32_t count() const { return static_cast<uint32_t>(views.size()); }
-  void forward(const LiveHandle& live, void* stream = nullptr) const {
-    check(l4d_cuda_live_forward(live.get(), views.data(), count(), stream));
+  void forward(const TrainableHandle& trainable, void* stream = nullptr) const {
+    check(l4d_cuda_trainable_forward(trainable.get(), views.data(), count(), stream));
   }
-  void backward(const LiveHandle& live, const l4d_gradients& gradients,
-                const l4d_cuda_live_statistics* statistics, void* stream = nullptr) const {
-    check(
-        l4d_cuda_live_backward(live.get(), losses.data(), count(), &gradients, statistics, stream));
+  void backward(const TrainableHandle& trainable, const l4d_gradients& gradients,
+                const l4d_cuda_trainable_statistics* statistics, void* stream = nullptr) const {
+    check(l4d_cuda_trainable_backward(trainable.get(), losses.data(), count(), &gradients,
+                                      statistics, stream));
   }
   std::vector<l4d_camera> cameras;
   std::vector<std::unique_ptr<DeviceArray<float>>> rgb, upstream, error;
-  std::vector<l4d_cuda_live_view> views;
-  std::vector<l4d_cuda_live_loss> losses;
+  std::vector<l4d_cuda_trainable_view> views;
+  std::vector<l4d_cuda_trainable_loss> losses;
 };
 
-inline l4d_cuda_live_report report_of(const LiveHandle& live) {
-  l4d_cuda_live_report report = L4D_INIT(l4d_cuda_live_report);
-  check(l4d_cuda_live_copy_report(live.get(), nullptr));
-  check(l4d_cuda_live_get_report(live.get(), 1, &report));
+inline l4d_cuda_trainable_report report_of(const TrainableHandle& trainable) {
+  l4d_cuda_trainable_report report = L4D_INIT(l4d_cuda_trainable_report);
+  check(l4d_cuda_trainable_copy_report(trainable.get(), nullptr));
+  check(l4d_cuda_trainable_get_report(trainable.get(), 1, &report));
   return report;
 }
 

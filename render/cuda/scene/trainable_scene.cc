@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/cuda/scene/live_scene.h"
+#include "render/cuda/scene/trainable_scene.h"
 
 #include <algorithm>
 
@@ -8,12 +8,12 @@
 namespace l4d::render {
 
 // A view of a forward, and what its backward pass goes on from.
-struct Live::Lane {
+struct TrainableScene::Lane {
   DeviceFrame frame;
   BackwardPass back;
   cudaStream_t stream = nullptr;  // of lane 0: the caller's
   cudaEvent_t sliced = nullptr, rendered = nullptr, added = nullptr;
-  LiveView view{};
+  TrainableView view{};
 
   Status create(bool own_stream) {
     L4D_RETURN_IF_ERROR(frame.create());
@@ -36,20 +36,20 @@ struct Live::Lane {
   }
 };
 
-Live::Live() = default;
+TrainableScene::TrainableScene() = default;
 
-Status Live::create(int device) {
+Status TrainableScene::create(int device) {
   device_ = device;
   L4D_RETURN_IF_ERROR(l4d::cuda::use_device(device));
-  L4D_RETURN_IF_ERROR(counts_.reserve(sizeof(LiveCounts)));
-  L4D_RETURN_IF_ERROR(report_.reserve(sizeof(LiveCounts)));
+  L4D_RETURN_IF_ERROR(counts_.reserve(sizeof(TrainableCounts)));
+  L4D_RETURN_IF_ERROR(report_.reserve(sizeof(TrainableCounts)));
   for (cudaEvent_t* event : {&begin_, &copied_}) {
     L4D_RETURN_IF_CUDA_ERROR(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
   }
   return {};
 }
 
-Live::~Live() {
+TrainableScene::~TrainableScene() {
   static_cast<void>(use());
   cudaDeviceSynchronize();
   for (cudaEvent_t event : {begin_, copied_}) {
@@ -57,8 +57,8 @@ Live::~Live() {
   }
 }
 
-Status Live::set_scene(const l4d_gaussians& gaussians, const l4d_timeline& timeline,
-                       const l4d_cuda_live_rows& rows) {
+Status TrainableScene::set_scene(const l4d_gaussians& gaussians, const l4d_timeline& timeline,
+                                 const l4d_cuda_trainable_rows& rows) {
   L4D_RETURN_IF_ERROR(use());
   state_ = kNothing;
   has_copy_ = false;
@@ -68,7 +68,7 @@ Status Live::set_scene(const l4d_gaussians& gaussians, const l4d_timeline& timel
   L4D_RETURN_IF_ERROR(store_.reserve(shape));
   const Batch all{0, static_cast<uint32_t>(shape.slots), kMoving};
   L4D_RETURN_IF_ERROR(store_.set_batches(&all, shape.slots > 0 ? 1 : 0, nullptr));
-  L4D_RETURN_IF_CUDA_ERROR(cudaMemset(counts_.data(), 0, sizeof(LiveCounts)));
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemset(counts_.data(), 0, sizeof(TrainableCounts)));
   gaussians_ = gaussians;
   rows_ = rows;
   degree_ = gaussians.sh_degree;
@@ -78,7 +78,7 @@ Status Live::set_scene(const l4d_gaussians& gaussians, const l4d_timeline& timel
   return {};
 }
 
-Status Live::set_sh_degree(uint32_t degree) {
+Status TrainableScene::set_sh_degree(uint32_t degree) {
   if (!has_scene_) return Status(L4D_ERR_INVALID_STATE, "there is no scene");
   if (degree > gaussians_.sh_degree) {
     return invalid_argument("degree is above that of the scene");
@@ -88,7 +88,7 @@ Status Live::set_sh_degree(uint32_t degree) {
   return show_scene();
 }
 
-Status Live::refresh(void* stream) {
+Status TrainableScene::refresh(void* stream) {
   L4D_RETURN_IF_ERROR(use());
   if (!has_scene_) return Status(L4D_ERR_INVALID_STATE, "there is no scene");
   launch_refresh(gaussians_, rows_.count, store_.sequence(), store_.resident(), counts(),
@@ -99,7 +99,7 @@ Status Live::refresh(void* stream) {
   return {};
 }
 
-Status Live::reserve(const l4d_cuda_frame_capacity& wanted, uint32_t views) {
+Status TrainableScene::reserve(const l4d_cuda_frame_capacity& wanted, uint32_t views) {
   L4D_RETURN_IF_ERROR(use());
   state_ = std::min(state_, kRefreshed);
   FrameCapacity capacity;
@@ -124,24 +124,24 @@ Status Live::reserve(const l4d_cuda_frame_capacity& wanted, uint32_t views) {
   return has_scene_ ? show_scene() : Status();
 }
 
-Status Live::use() const {
+Status TrainableScene::use() const {
   L4D_RETURN_IF_CUDA_ERROR(cudaSetDevice(device_));
   return {};
 }
 
 // The store, and what lanes need to slice it, so that forward() only launches.
-Status Live::show_scene() {
+Status TrainableScene::show_scene() {
   store_.set_external_sh(gaussians_.sh, rows_.sh_stride, degree_);
   for (const auto& lane : lanes_) L4D_RETURN_IF_ERROR(lane->frame.reserve_slices(store_));
   return {};
 }
 
-cudaStream_t Live::stream_of(size_t lane, void* callers) const {
+cudaStream_t TrainableScene::stream_of(size_t lane, void* callers) const {
   return lane == 0 ? static_cast<cudaStream_t>(callers) : lanes_[lane]->stream;
 }
 
 // The lanes from 1 on wait for the caller's stream.
-Status Live::fork(size_t lanes, void* stream) {
+Status TrainableScene::fork(size_t lanes, void* stream) {
   L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(begin_, static_cast<cudaStream_t>(stream)));
   for (size_t v = 1; v < lanes; ++v) {
     L4D_RETURN_IF_CUDA_ERROR(cudaStreamWaitEvent(lanes_[v]->stream, begin_));
@@ -150,9 +150,9 @@ Status Live::fork(size_t lanes, void* stream) {
 }
 
 // The frame of a lane, which shares the slice of `leader`, itself or a lane before it.
-Status Live::render(size_t lane, size_t leader, cudaStream_t stream) {
+Status TrainableScene::render(size_t lane, size_t leader, cudaStream_t stream) {
   Lane& own = *lanes_[lane];
-  const LiveView& v = own.view;
+  const TrainableView& v = own.view;
   const SliceSharing sharing{leader == lane ? nullptr : &lanes_[leader]->frame,
                              lanes_[leader]->sliced};
   const ImageTarget target{v.rgb, v.alpha, nullptr};
@@ -163,13 +163,13 @@ Status Live::render(size_t lane, size_t leader, cudaStream_t stream) {
   return {};
 }
 
-Status Live::forward(const std::vector<LiveView>& views, void* stream) {
+Status TrainableScene::forward(const std::vector<TrainableView>& views, void* stream) {
   L4D_RETURN_IF_ERROR(use());
   if (state_ == kNothing) return Status(L4D_ERR_INVALID_STATE, "nothing was refreshed");
   if (views.size() > lanes_.size()) {
     return Status(L4D_ERR_INVALID_STATE, "fewer views are reserved");
   }
-  for (const LiveView& v : views) {
+  for (const TrainableView& v : views) {
     const FrameCapacity& room = lanes_[0]->frame.capacity();
     if (static_cast<int>(v.camera.width) > room.width ||
         static_cast<int>(v.camera.height) > room.height) {
@@ -195,8 +195,9 @@ Status Live::forward(const std::vector<LiveView>& views, void* stream) {
   return {};
 }
 
-Status Live::backward(const std::vector<l4d_cuda_live_loss>& losses, const l4d_gradients& gradients,
-                      const l4d_cuda_live_statistics& s, void* stream) {
+Status TrainableScene::backward(const std::vector<l4d_cuda_trainable_loss>& losses,
+                                const l4d_gradients& gradients,
+                                const l4d_cuda_trainable_statistics& s, void* stream) {
   L4D_RETURN_IF_ERROR(use());
   if (state_ < kWentForward || losses.size() != num_views_) {
     return Status(L4D_ERR_INVALID_STATE, "the last forward was not of these views");
@@ -232,17 +233,17 @@ Status Live::backward(const std::vector<l4d_cuda_live_loss>& losses, const l4d_g
   return {};
 }
 
-Status Live::copy_report(void* stream) {
+Status TrainableScene::copy_report(void* stream) {
   L4D_RETURN_IF_ERROR(use());
   const auto on = static_cast<cudaStream_t>(stream);
-  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(report_.data(), counts_.data(), sizeof(LiveCounts),
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(report_.data(), counts_.data(), sizeof(TrainableCounts),
                                            cudaMemcpyDeviceToHost, on));
   L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(copied_, on));
   has_copy_ = true;
   return {};
 }
 
-Status Live::get_report(bool wait, l4d_cuda_live_report* out) {
+Status TrainableScene::get_report(bool wait, l4d_cuda_trainable_report* out) {
   L4D_RETURN_IF_ERROR(use());
   if (!has_copy_) return Status(L4D_ERR_INVALID_STATE, "no report was copied");
   if (wait) {
@@ -254,7 +255,7 @@ Status Live::get_report(bool wait, l4d_cuda_live_report* out) {
     }
     L4D_RETURN_IF_CUDA_ERROR(error);
   }
-  const LiveCounts& c = *report_.as<LiveCounts>();
+  const TrainableCounts& c = *report_.as<TrainableCounts>();
   out->views = c.views;
   out->skipped = c.skipped;
   out->rows = c.rows;
@@ -268,7 +269,7 @@ Status Live::get_report(bool wait, l4d_cuda_live_report* out) {
   return {};
 }
 
-Status Live::time_passes() {
+Status TrainableScene::time_passes() {
   L4D_RETURN_IF_ERROR(use());
   timed_ = true;
   for (const auto& lane : lanes_) L4D_RETURN_IF_ERROR(lane->frame.time_passes());

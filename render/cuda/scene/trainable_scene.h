@@ -15,25 +15,26 @@
 
 namespace l4d::render {
 
-class Live {
+class TrainableScene {
  public:
-  Live();
-  ~Live();
-  Live(const Live&) = delete;
-  Live& operator=(const Live&) = delete;
+  TrainableScene();
+  ~TrainableScene();
+  TrainableScene(const TrainableScene&) = delete;
+  TrainableScene& operator=(const TrainableScene&) = delete;
 
   // Before all else. Fails with L4D_ERR_DEVICE if this build cannot use the device.
   Status create(int device);
   Status set_scene(const l4d_gaussians& gaussians, const l4d_timeline& timeline,
-                   const l4d_cuda_live_rows& rows);
+                   const l4d_cuda_trainable_rows& rows);
   Status set_sh_degree(uint32_t degree);
   Status refresh(void* stream);
   Status reserve(const l4d_cuda_frame_capacity& capacity, uint32_t views);
-  Status forward(const std::vector<LiveView>& views, void* stream);
-  Status backward(const std::vector<l4d_cuda_live_loss>& losses, const l4d_gradients& gradients,
-                  const l4d_cuda_live_statistics& statistics, void* stream);
+  Status forward(const std::vector<TrainableView>& views, void* stream);
+  Status backward(const std::vector<l4d_cuda_trainable_loss>& losses,
+                  const l4d_gradients& gradients, const l4d_cuda_trainable_statistics& statistics,
+                  void* stream);
   Status copy_report(void* stream);
-  Status get_report(bool wait, l4d_cuda_live_report* out);
+  Status get_report(bool wait, l4d_cuda_trainable_report* out);
   Status time_passes();
 
  private:
@@ -42,7 +43,7 @@ class Live {
   enum State { kNothing, kRefreshed, kWentForward, kWentBack };
 
   Status use() const;
-  LiveCounts* counts() const { return counts_.as<LiveCounts>(); }
+  TrainableCounts* counts() const { return counts_.as<TrainableCounts>(); }
   Status show_scene();
   cudaStream_t stream_of(size_t lane, void* callers) const;
   Status fork(size_t lanes, void* stream);
@@ -56,7 +57,7 @@ class Live {
   cudaEvent_t begin_ = nullptr, copied_ = nullptr;
   bool has_copy_ = false, has_scene_ = false, timed_ = false;
   l4d_gaussians gaussians_{};  // device arrays of the caller's
-  l4d_cuda_live_rows rows_{};
+  l4d_cuda_trainable_rows rows_{};
   uint32_t degree_ = 0;
   State state_ = kNothing;
   size_t num_views_ = 0;  // of the last forward

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scenes that change from step to step: pictures, gradients and statistics against those of the
 // CPU renderer, and against the device's renderer of scenes that stay.
-#include "tests/gpu/live_support.h"
+#include "tests/gpu/trainable_support.h"
 
 namespace l4d::render {
 namespace {
@@ -104,18 +104,18 @@ void compare(const io::Scene& scene, size_t capacity, uint32_t sh_stride, const 
   const std::vector<l4d_camera> cameras = {ring_camera(131, 97, 0.8), ring_camera(131, 97, 2.9),
                                            ring_camera(120, 90, 4.1), ring_camera(131, 97, 5.5)};
   const std::vector<double> times = {1.1, 1.1, 1.1, 2.3};
-  const LiveArrays arrays(scene, capacity, sh_stride, kFiller);
+  const TrainableArrays arrays(scene, capacity, sh_stride, kFiller);
   const DeviceArray<uint32_t> count(1, static_cast<uint32_t>(n));
-  const LiveHandle live = make_live();
+  const TrainableHandle trainable = make_trainable();
   const l4d_gaussians g = arrays.view(scene);
-  l4d_cuda_live_rows rows = L4D_INIT(l4d_cuda_live_rows);
+  l4d_cuda_trainable_rows rows = L4D_INIT(l4d_cuda_trainable_rows);
   rows.count = count.get();
   rows.sh_stride = sh_stride;
-  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, &rows));
-  reserve(live, cameras[0], capacity, 1 << 18, 4);
-  check(l4d_cuda_live_refresh(live.get(), nullptr));
-  LiveViews views(cameras, times);
-  views.forward(live);
+  check(l4d_cuda_trainable_set_scene(trainable.get(), &g, &scene.timeline, &rows));
+  reserve(trainable, cameras[0], capacity, 1 << 18, 4);
+  check(l4d_cuda_trainable_refresh(trainable.get(), nullptr));
+  TrainableViews views(cameras, times);
+  views.forward(trainable);
 
   Reference reference(scene);
   for (size_t v = 0; v < 4; ++v) {
@@ -129,17 +129,17 @@ void compare(const io::Scene& scene, size_t capacity, uint32_t sh_stride, const 
     views.error[v]->write(error);
     reference.add(cameras[v], times[v], upstream, error);
   }
-  const LiveArrays sums(io::Scene{}, capacity, sh_stride, 0.0f);
+  const TrainableArrays sums(io::Scene{}, capacity, sh_stride, 0.0f);
   const DeviceArray<uint8_t> shown(capacity, 0);
   const DeviceArray<uint32_t> seen(capacity, 0);
   const DeviceArray<float> coverage(capacity, 0), error_coverage(capacity, 0), screen(capacity, 0);
-  l4d_cuda_live_statistics statistics = L4D_INIT(l4d_cuda_live_statistics);
+  l4d_cuda_trainable_statistics statistics = L4D_INIT(l4d_cuda_trainable_statistics);
   statistics.shown = shown.get();
   statistics.views = seen.get();
   statistics.coverage = coverage.get();
   statistics.error_coverage = error_coverage.get();
   statistics.screen_gradient = screen.get();
-  views.backward(live, sums.gradients(), &statistics);
+  views.backward(trainable, sums.gradients(), &statistics);
   const auto found = sums.read(n, 3 * scene.sh_coefficients());
   for (size_t k = 0; k < 6; ++k) {
     expect_close(found[k], reference.sums.gradients[k], 2e-3, name + ", " + kArrays[k]);
@@ -163,7 +163,7 @@ void compare(const io::Scene& scene, size_t capacity, uint32_t sh_stride, const 
     }
   }
   EXPECT_LE(unlike, n / 500);
-  const l4d_cuda_live_report report = report_of(live);
+  const l4d_cuda_trainable_report report = report_of(trainable);
   EXPECT_EQ(report.views, 4u);
   EXPECT_EQ(report.skipped, 0u);
   EXPECT_EQ(report.rows, n);
@@ -171,7 +171,7 @@ void compare(const io::Scene& scene, size_t capacity, uint32_t sh_stride, const 
   EXPECT_LE(report.instances, report.required_instances);
 }
 
-TEST(LiveScene, PicturesGradientsAndStatisticsAreTheReferences) {
+TEST(TrainableScene, PicturesGradientsAndStatisticsAreTheReferences) {
   L4D_SKIP_WITHOUT_DEVICE();
   for (const uint32_t degree : {0u, 1u, 2u, 3u}) {
     const uint32_t tight = (3 * (degree + 1) * (degree + 1) + 3) / 4 * 4;
@@ -183,7 +183,7 @@ TEST(LiveScene, PicturesGradientsAndStatisticsAreTheReferences) {
   }
 }
 
-TEST(LiveScene, LogitsAndMeanTimes) {
+TEST(TrainableScene, LogitsAndMeanTimes) {
   L4D_SKIP_WITHOUT_DEVICE();
   io::Scene scene = bright(synth(4000, 5));
   io::opacity_to_logit(scene);
@@ -191,34 +191,34 @@ TEST(LiveScene, LogitsAndMeanTimes) {
   compare(scene, 4100, 48, "logits and mean times");
 }
 
-TEST(LiveScene, FlatWindows) {
+TEST(TrainableScene, FlatWindows) {
   L4D_SKIP_WITHOUT_DEVICE();
   compare(bright(with_windows(synth(12000, 6))), 12500, 48, "windows");
 }
 
 // The screen gradient is the derivative by a shift of the whole image. Of one Gaussian: that of
 // moving it across the view.
-TEST(LiveScene, ScreenGradientIsTheShiftOfTheImage) {
+TEST(TrainableScene, ScreenGradientIsTheShiftOfTheImage) {
   L4D_SKIP_WITHOUT_DEVICE();
   SceneBuilder builder;
   const double rgb[3] = {0.9, 0.4, 0.7};
   builder.add_ball(0.1, -0.05, 4, 0.15, 0.8, rgb);
   const io::Scene scene = builder.scene();
   const l4d_camera camera = axis_camera(96, 64, 80);
-  LiveViews views({camera}, {1.0});
+  TrainableViews views({camera}, {1.0});
   const std::vector<float> upstream = random_numbers(3 * 96 * 64, 3, -1, 1);
   views.upstream[0]->write(upstream);
-  const LiveArrays arrays(scene, 1, 4, 0), sums(io::Scene{}, 1, 4, 0);
-  const LiveHandle live = make_live();
+  const TrainableArrays arrays(scene, 1, 4, 0), sums(io::Scene{}, 1, 4, 0);
+  const TrainableHandle trainable = make_trainable();
   const l4d_gaussians g = arrays.view(scene);
-  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
-  reserve(live, camera, 1, 1000, 1);
+  check(l4d_cuda_trainable_set_scene(trainable.get(), &g, &scene.timeline, nullptr));
+  reserve(trainable, camera, 1, 1000, 1);
   const DeviceArray<float> screen(1, 0.0f);
-  l4d_cuda_live_statistics statistics = L4D_INIT(l4d_cuda_live_statistics);
+  l4d_cuda_trainable_statistics statistics = L4D_INIT(l4d_cuda_trainable_statistics);
   statistics.screen_gradient = screen.get();
-  check(l4d_cuda_live_refresh(live.get(), nullptr));
-  views.forward(live);
-  views.backward(live, sums.gradients(), &statistics);
+  check(l4d_cuda_trainable_refresh(trainable.get(), nullptr));
+  views.forward(trainable);
+  views.backward(trainable, sums.gradients(), &statistics);
   // dx/dX = fx / z of the position, where the covariance's change is next to nothing.
   const auto by = sums.read(1, 3)[0];
   const double pixel = 80.0 / 4;
@@ -228,26 +228,26 @@ TEST(LiveScene, ScreenGradientIsTheShiftOfTheImage) {
 }
 
 // A refresh shows what the arrays and the count hold then, and only then.
-TEST(LiveScene, FollowsItsArrays) {
+TEST(TrainableScene, FollowsItsArrays) {
   L4D_SKIP_WITHOUT_DEVICE();
   const io::Scene scene = synth(3000, 7), other = synth(3000, 8);
   const l4d_camera camera = ring_camera(120, 90, 1.0);
-  const LiveArrays arrays(scene, 3000, 48, 0);
+  const TrainableArrays arrays(scene, 3000, 48, 0);
   const DeviceArray<uint32_t> count(1, 3000u);
-  const LiveHandle live = make_live();
+  const TrainableHandle trainable = make_trainable();
   const l4d_gaussians g = arrays.view(scene);
-  l4d_cuda_live_rows rows = L4D_INIT(l4d_cuda_live_rows);
+  l4d_cuda_trainable_rows rows = L4D_INIT(l4d_cuda_trainable_rows);
   rows.count = count.get();
-  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, &rows));
-  const LiveViews views({camera}, {1.0});
-  EXPECT_EQ(l4d_cuda_live_forward(live.get(), views.views.data(), 1, nullptr),
+  check(l4d_cuda_trainable_set_scene(trainable.get(), &g, &scene.timeline, &rows));
+  const TrainableViews views({camera}, {1.0});
+  EXPECT_EQ(l4d_cuda_trainable_forward(trainable.get(), views.views.data(), 1, nullptr),
             L4D_ERR_INVALID_STATE);
-  check(l4d_cuda_live_refresh(live.get(), nullptr));
-  EXPECT_EQ(l4d_cuda_live_forward(live.get(), views.views.data(), 1, nullptr),
+  check(l4d_cuda_trainable_refresh(trainable.get(), nullptr));
+  EXPECT_EQ(l4d_cuda_trainable_forward(trainable.get(), views.views.data(), 1, nullptr),
             L4D_ERR_INVALID_STATE);
-  reserve(live, camera, 3000, 1 << 18, 1);
+  reserve(trainable, camera, 3000, 1 << 18, 1);
   const auto picture = [&] {
-    views.forward(live);
+    views.forward(trainable);
     return views.rgb[0]->read();
   };
   Reference first(scene), second(other);
@@ -258,40 +258,40 @@ TEST(LiveScene, FollowsItsArrays) {
   arrays.rotor.write(other.rotor);
   arrays.opacity.write(other.opacity);
   arrays.sh.write(spread(other.sh, 48, 48, 3000, 0));
-  check(l4d_cuda_live_refresh(live.get(), nullptr));
+  check(l4d_cuda_trainable_refresh(trainable.get(), nullptr));
   EXPECT_LE(difference_of(picture(), second.render(camera, 1), 1.0 / 255).beyond, 2u);
   // Fewer rows; and as many as the capacity has where the count is beyond it.
   count.write({1000u});
-  check(l4d_cuda_live_refresh(live.get(), nullptr));
+  check(l4d_cuda_trainable_refresh(trainable.get(), nullptr));
   io::Scene part = other;
   part.resize(1000);
   Reference third(part);
   EXPECT_LE(difference_of(picture(), third.render(camera, 1), 1.0 / 255).beyond, 2u);
-  EXPECT_EQ(report_of(live).rows, 1000u);
+  EXPECT_EQ(report_of(trainable).rows, 1000u);
   count.write({99999u});
-  check(l4d_cuda_live_refresh(live.get(), nullptr));
+  check(l4d_cuda_trainable_refresh(trainable.get(), nullptr));
   EXPECT_LE(difference_of(picture(), second.render(camera, 1), 1.0 / 255).beyond, 2u);
   // SH of a lower degree, in place.
-  check(l4d_cuda_live_set_sh_degree(live.get(), 1));
+  check(l4d_cuda_trainable_set_sh_degree(trainable.get(), 1));
   Reference fourth(with_degree(other, 1));
   EXPECT_LE(difference_of(picture(), fourth.render(camera, 1), 1.0 / 255).beyond, 2u);
-  EXPECT_EQ(l4d_cuda_live_set_sh_degree(live.get(), 4), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_cuda_trainable_set_sh_degree(trainable.get(), 4), L4D_ERR_INVALID_ARGUMENT);
 }
 
 // The same bits as the device's renderer has for scenes that stay, but for still rows; and in each
 // run, however many views share the device.
-TEST(LiveScene, RepeatsBitForBitAndAgreesWithTheDeviceRenderer) {
+TEST(TrainableScene, RepeatsBitForBitAndAgreesWithTheDeviceRenderer) {
   L4D_SKIP_WITHOUT_DEVICE();
   const io::Scene scene = synth(30000, 4);
   std::vector<l4d_camera> cameras;
   for (int v = 0; v < 6; ++v) cameras.push_back(ring_camera(320, 240, v));
   const std::vector<double> times = {1, 1, 1, 1, 1, 1};
-  const LiveArrays arrays(scene, scene.count(), 48, 0);
-  const LiveHandle live = make_live();
+  const TrainableArrays arrays(scene, scene.count(), 48, 0);
+  const TrainableHandle trainable = make_trainable();
   const l4d_gaussians g = arrays.view(scene);
-  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
-  reserve(live, cameras[0], scene.count(), 1 << 20, 6);
-  LiveViews together(cameras, times);
+  check(l4d_cuda_trainable_set_scene(trainable.get(), &g, &scene.timeline, nullptr));
+  reserve(trainable, cameras[0], scene.count(), 1 << 20, 6);
+  TrainableViews together(cameras, times);
   const size_t pixels = size_t{320} * 240;
   std::vector<std::vector<float>> upstream;
   for (size_t v = 0; v < 6; ++v) {
@@ -300,18 +300,18 @@ TEST(LiveScene, RepeatsBitForBitAndAgreesWithTheDeviceRenderer) {
   }
   std::vector<std::vector<std::vector<float>>> rounds;
   for (int round = 0; round < 3; ++round) {
-    const LiveArrays sums(io::Scene{}, scene.count(), 48, 0);
-    check(l4d_cuda_live_refresh(live.get(), nullptr));
+    const TrainableArrays sums(io::Scene{}, scene.count(), 48, 0);
+    check(l4d_cuda_trainable_refresh(trainable.get(), nullptr));
     if (round < 2) {
-      together.forward(live);
-      together.backward(live, sums.gradients(), nullptr);
+      together.forward(trainable);
+      together.backward(trainable, sums.gradients(), nullptr);
     } else {  // one by one
       for (size_t v = 0; v < 6; ++v) {
-        LiveViews one({cameras[v]}, {1.0});
+        TrainableViews one({cameras[v]}, {1.0});
         one.upstream[0]->write(upstream[v]);
-        one.forward(live);
+        one.forward(trainable);
         EXPECT_TRUE(equal_bits(one.rgb[0]->read(), together.rgb[v]->read()));
-        one.backward(live, sums.gradients(), nullptr);
+        one.backward(trainable, sums.gradients(), nullptr);
       }
     }
     rounds.push_back(sums.read(scene.count(), 48));
@@ -348,34 +348,34 @@ TEST(LiveScene, RepeatsBitForBitAndAgreesWithTheDeviceRenderer) {
 }
 
 // A view without room adds nothing and is counted; the flag stays until a scene is set.
-TEST(LiveScene, CountsViewsWithoutRoom) {
+TEST(TrainableScene, CountsViewsWithoutRoom) {
   L4D_SKIP_WITHOUT_DEVICE();
   const io::Scene scene = synth(9000, 8);
   const l4d_camera camera = ring_camera(200, 150, 2.0),
                    away = call_on(200, 150, 180, std::vector<double>{40, 0, 0}.data(),
                                   std::vector<double>{80, 0, 0}.data());
-  const LiveArrays arrays(scene, 9000, 48, 0), sums(io::Scene{}, 9000, 48, 0);
-  const LiveHandle live = make_live();
+  const TrainableArrays arrays(scene, 9000, 48, 0), sums(io::Scene{}, 9000, 48, 0);
+  const TrainableHandle trainable = make_trainable();
   const l4d_gaussians g = arrays.view(scene);
   const DeviceArray<uint32_t> overflow(1, 0);
-  l4d_cuda_live_rows rows = L4D_INIT(l4d_cuda_live_rows);
+  l4d_cuda_trainable_rows rows = L4D_INIT(l4d_cuda_trainable_rows);
   rows.overflow = overflow.get();
-  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, &rows));
-  reserve(live, camera, 9000, 5000, 2);
-  LiveViews views({camera, away}, {1.0, 1.0});
+  check(l4d_cuda_trainable_set_scene(trainable.get(), &g, &scene.timeline, &rows));
+  reserve(trainable, camera, 9000, 5000, 2);
+  TrainableViews views({camera, away}, {1.0, 1.0});
   views.upstream[0]->write(random_numbers(3 * 200 * 150, 1, 0, 1));
   const DeviceArray<uint8_t> shown(9000, 0);
-  l4d_cuda_live_statistics statistics = L4D_INIT(l4d_cuda_live_statistics);
+  l4d_cuda_trainable_statistics statistics = L4D_INIT(l4d_cuda_trainable_statistics);
   statistics.shown = shown.get();
   const auto step = [&] {
-    check(l4d_cuda_live_refresh(live.get(), nullptr));
-    views.forward(live);
-    views.backward(live, sums.gradients(), &statistics);
+    check(l4d_cuda_trainable_refresh(trainable.get(), nullptr));
+    views.forward(trainable);
+    views.backward(trainable, sums.gradients(), &statistics);
   };
-  l4d_cuda_live_report report = L4D_INIT(l4d_cuda_live_report);
-  EXPECT_EQ(l4d_cuda_live_get_report(live.get(), 0, &report), L4D_ERR_INVALID_STATE);
+  l4d_cuda_trainable_report report = L4D_INIT(l4d_cuda_trainable_report);
+  EXPECT_EQ(l4d_cuda_trainable_get_report(trainable.get(), 0, &report), L4D_ERR_INVALID_STATE);
   step();
-  report = report_of(live);
+  report = report_of(trainable);
   EXPECT_EQ(report.views, 2u);
   EXPECT_EQ(report.skipped, 1u);
   EXPECT_GT(report.required_instances, 5000u);
@@ -386,29 +386,29 @@ TEST(LiveScene, CountsViewsWithoutRoom) {
     for (const float v : array) ASSERT_EQ(v, 0);
   }
   for (const uint8_t v : shown.read()) ASSERT_EQ(v, 0);
-  reserve(live, camera, 9000, report.required_instances, 2);
+  reserve(trainable, camera, 9000, report.required_instances, 2);
   step();
-  report = report_of(live);
+  report = report_of(trainable);
   EXPECT_EQ(report.views, 4u);
   EXPECT_EQ(report.skipped, 1u);
   EXPECT_EQ(overflow.read()[0], 0u);
   const std::vector<float> by_position = sums.read(9000, 48)[0];
   EXPECT_GT(*std::max_element(by_position.begin(), by_position.end()), 0);
-  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
-  EXPECT_EQ(report_of(live).skipped, 0u);
+  check(l4d_cuda_trainable_set_scene(trainable.get(), &g, &scene.timeline, nullptr));
+  EXPECT_EQ(report_of(trainable).skipped, 0u);
 }
 
 // A step is a CUDA graph: it neither allocates nor waits.
-TEST(LiveScene, StepsAreCapturedIntoGraphs) {
+TEST(TrainableScene, StepsAreCapturedIntoGraphs) {
   L4D_SKIP_WITHOUT_DEVICE();
   const io::Scene scene = synth(5000, 3);
   const std::vector<l4d_camera> cameras = {ring_camera(160, 120, 0), ring_camera(160, 120, 2)};
-  const LiveArrays arrays(scene, 5000, 48, 0), sums(io::Scene{}, 5000, 48, 0);
-  const LiveHandle live = make_live();
+  const TrainableArrays arrays(scene, 5000, 48, 0), sums(io::Scene{}, 5000, 48, 0);
+  const TrainableHandle trainable = make_trainable();
   const l4d_gaussians g = arrays.view(scene);
-  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
-  reserve(live, cameras[0], 5000, 1 << 18, 2);
-  LiveViews views(cameras, {0.7, 0.7});
+  check(l4d_cuda_trainable_set_scene(trainable.get(), &g, &scene.timeline, nullptr));
+  reserve(trainable, cameras[0], 5000, 1 << 18, 2);
+  TrainableViews views(cameras, {0.7, 0.7});
   for (size_t v = 0; v < 2; ++v) {
     views.upstream[v]->write(random_numbers(3 * 160 * 120, v, -1, 1));
   }
@@ -417,18 +417,18 @@ TEST(LiveScene, StepsAreCapturedIntoGraphs) {
   cudaGraph_t graph = nullptr;
   cudaGraphExec_t replay = nullptr;
   ASSERT_EQ(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal), cudaSuccess);
-  check(l4d_cuda_live_refresh(live.get(), stream));
-  views.forward(live, stream);
-  views.backward(live, sums.gradients(), nullptr, stream);
+  check(l4d_cuda_trainable_refresh(trainable.get(), stream));
+  views.forward(trainable, stream);
+  views.backward(trainable, sums.gradients(), nullptr, stream);
   ASSERT_EQ(cudaStreamEndCapture(stream, &graph), cudaSuccess);
   ASSERT_EQ(cudaGraphInstantiate(&replay, graph, 0), cudaSuccess);
   ASSERT_EQ(cudaGraphLaunch(replay, stream), cudaSuccess);
   ASSERT_EQ(cudaStreamSynchronize(stream), cudaSuccess);
   const auto once = sums.read(5000, 48);
-  const LiveArrays again(io::Scene{}, 5000, 48, 0);
-  check(l4d_cuda_live_refresh(live.get(), stream));
-  views.forward(live, stream);
-  views.backward(live, again.gradients(), nullptr, stream);
+  const TrainableArrays again(io::Scene{}, 5000, 48, 0);
+  check(l4d_cuda_trainable_refresh(trainable.get(), stream));
+  views.forward(trainable, stream);
+  views.backward(trainable, again.gradients(), nullptr, stream);
   ASSERT_EQ(cudaStreamSynchronize(stream), cudaSuccess);
   const auto launched = again.read(5000, 48);
   for (size_t k = 0; k < 6; ++k) EXPECT_TRUE(equal_bits(once[k], launched[k])) << kArrays[k];
@@ -437,52 +437,54 @@ TEST(LiveScene, StepsAreCapturedIntoGraphs) {
   cudaStreamDestroy(stream);
 }
 
-TEST(LiveScene, RefusesWhatItCannotDo) {
-  l4d_cuda_live* none = nullptr;
+TEST(TrainableScene, RefusesWhatItCannotDo) {
+  l4d_cuda_trainable* none = nullptr;
   l4d_cuda_renderer_options half = L4D_INIT(l4d_cuda_renderer_options);
   half.sh_format = L4D_CUDA_SH_FLOAT16;
-  EXPECT_EQ(l4d_cuda_live_create(&half, &none), L4D_ERR_INVALID_ARGUMENT);
-  EXPECT_EQ(l4d_cuda_live_create(nullptr, nullptr), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_cuda_trainable_create(&half, &none), L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_cuda_trainable_create(nullptr, nullptr), L4D_ERR_INVALID_ARGUMENT);
   L4D_SKIP_WITHOUT_DEVICE();
   const io::Scene scene = synth(100, 3);
-  const LiveArrays arrays(scene, 100, 48, 0), sums(io::Scene{}, 100, 48, 0);
-  const LiveHandle live = make_live();
-  EXPECT_EQ(l4d_cuda_live_refresh(live.get(), nullptr), L4D_ERR_INVALID_STATE);
+  const TrainableArrays arrays(scene, 100, 48, 0), sums(io::Scene{}, 100, 48, 0);
+  const TrainableHandle trainable = make_trainable();
+  EXPECT_EQ(l4d_cuda_trainable_refresh(trainable.get(), nullptr), L4D_ERR_INVALID_STATE);
   l4d_gaussians g = arrays.view(scene);
-  l4d_cuda_live_rows rows = L4D_INIT(l4d_cuda_live_rows);
+  l4d_cuda_trainable_rows rows = L4D_INIT(l4d_cuda_trainable_rows);
   for (const uint32_t stride : {44u, 50u, 1028u}) {
     rows.sh_stride = stride;
-    EXPECT_EQ(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, &rows),
+    EXPECT_EQ(l4d_cuda_trainable_set_scene(trainable.get(), &g, &scene.timeline, &rows),
               L4D_ERR_INVALID_ARGUMENT);
   }
   ++g.sh;
-  EXPECT_EQ(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr),
+  EXPECT_EQ(l4d_cuda_trainable_set_scene(trainable.get(), &g, &scene.timeline, nullptr),
             L4D_ERR_INVALID_ARGUMENT);
   g.sh = nullptr;
-  EXPECT_EQ(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr),
+  EXPECT_EQ(l4d_cuda_trainable_set_scene(trainable.get(), &g, &scene.timeline, nullptr),
             L4D_ERR_INVALID_ARGUMENT);
   g = arrays.view(scene);
-  check(l4d_cuda_live_set_scene(live.get(), &g, &scene.timeline, nullptr));
+  check(l4d_cuda_trainable_set_scene(trainable.get(), &g, &scene.timeline, nullptr));
   const l4d_camera camera = ring_camera(64, 48, 1), larger = ring_camera(65, 48, 1);
-  reserve(live, camera, 100, 1000, 1);
-  check(l4d_cuda_live_refresh(live.get(), nullptr));
-  LiveViews views({camera}, {1.0}), two({camera, camera}, {1.0, 1.0}), large({larger}, {1.0});
-  EXPECT_EQ(l4d_cuda_live_forward(live.get(), two.views.data(), 2, nullptr), L4D_ERR_INVALID_STATE);
-  EXPECT_EQ(l4d_cuda_live_forward(live.get(), large.views.data(), 1, nullptr),
+  reserve(trainable, camera, 100, 1000, 1);
+  check(l4d_cuda_trainable_refresh(trainable.get(), nullptr));
+  TrainableViews views({camera}, {1.0}), two({camera, camera}, {1.0, 1.0}), large({larger}, {1.0});
+  EXPECT_EQ(l4d_cuda_trainable_forward(trainable.get(), two.views.data(), 2, nullptr),
             L4D_ERR_INVALID_STATE);
-  EXPECT_EQ(l4d_cuda_live_forward(live.get(), views.views.data(), 0, nullptr),
+  EXPECT_EQ(l4d_cuda_trainable_forward(trainable.get(), large.views.data(), 1, nullptr),
+            L4D_ERR_INVALID_STATE);
+  EXPECT_EQ(l4d_cuda_trainable_forward(trainable.get(), views.views.data(), 0, nullptr),
             L4D_ERR_INVALID_ARGUMENT);
   l4d_gradients gradients = sums.gradients();
-  EXPECT_EQ(
-      l4d_cuda_live_backward(live.get(), views.losses.data(), 1, &gradients, nullptr, nullptr),
-      L4D_ERR_INVALID_STATE);
-  views.forward(live);
-  EXPECT_EQ(l4d_cuda_live_backward(live.get(), two.losses.data(), 2, &gradients, nullptr, nullptr),
+  EXPECT_EQ(l4d_cuda_trainable_backward(trainable.get(), views.losses.data(), 1, &gradients,
+                                        nullptr, nullptr),
+            L4D_ERR_INVALID_STATE);
+  views.forward(trainable);
+  EXPECT_EQ(l4d_cuda_trainable_backward(trainable.get(), two.losses.data(), 2, &gradients, nullptr,
+                                        nullptr),
             L4D_ERR_INVALID_STATE);
   gradients.count = 99;
-  EXPECT_EQ(
-      l4d_cuda_live_backward(live.get(), views.losses.data(), 1, &gradients, nullptr, nullptr),
-      L4D_ERR_INVALID_ARGUMENT);
+  EXPECT_EQ(l4d_cuda_trainable_backward(trainable.get(), views.losses.data(), 1, &gradients,
+                                        nullptr, nullptr),
+            L4D_ERR_INVALID_ARGUMENT);
 }
 
 }  // namespace
