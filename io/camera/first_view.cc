@@ -15,6 +15,8 @@
 namespace l4d::io {
 namespace {
 
+constexpr double kSteepest = 1.5;  // radians above the horizon
+
 // ---- from cameras ----
 
 Vec3 row_of(const l4d_camera& camera, size_t row) {  // right, down, forward
@@ -212,7 +214,8 @@ void copy_first_view(const l4d_presentation& from, l4d_presentation* presentatio
   set_camera(eye, target, up, from.camera_fov, presentation);
 }
 
-l4d_presentation turned(const l4d_presentation& presentation, double angle) {
+l4d_presentation turned(const l4d_presentation& presentation, double angle, double rise,
+                        double zoom) {
   l4d_presentation out = presentation;
   Vec3 eye, target, up;
   std::copy_n(presentation.camera_position, 3, eye.begin());
@@ -221,7 +224,13 @@ l4d_presentation turned(const l4d_presentation& presentation, double angle) {
   const Vec3 axis = unit(up), arm = minus(eye, target);
   const double along = dot(arm, axis), c = std::cos(angle), s = std::sin(angle);
   const Vec3 across = ahead(arm, -along, axis), beside = cross(axis, across);
-  const Vec3 at = ahead(ahead(ahead(target, along, axis), c, across), s, beside);
+  const double width = std::sqrt(dot(across, across)), length = std::hypot(width, along);
+  const double before = std::atan2(along, width);
+  // What looks along the pole stays there: across has no direction then.
+  const double after = rise == 0 ? before : std::clamp(before + rise, -kSteepest, kSteepest);
+  const double wider = width > 0 ? length * std::cos(after) / (width * zoom) : 0;
+  const double higher = (width > 0 ? length * std::sin(after) : along) / zoom;
+  const Vec3 at = ahead(ahead(ahead(target, higher, axis), wider * c, across), wider * s, beside);
   std::copy_n(at.begin(), 3, out.camera_position);
   return out;
 }

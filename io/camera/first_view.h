@@ -32,8 +32,10 @@ void state_first_view(const Scene& scene, l4d_presentation* presentation, const 
 // That of `from`.
 void copy_first_view(const l4d_presentation& from, l4d_presentation* presentation);
 
-// The view turned about the point that it looks at, by an angle in radians around its up direction.
-l4d_presentation turned(const l4d_presentation& presentation, double angle);
+// The view turned about the point that it looks at, by angles in radians: around its up direction,
+// and then upwards, short of the pole. zoom: how many times nearer it is.
+l4d_presentation turned(const l4d_presentation& presentation, double angle, double rise = 0,
+                        double zoom = 1);
 
 // Puts a camera at `eye`; `forward` has length 1 and is not parallel to `up`, which shows upwards
 // in the image.

@@ -17,6 +17,7 @@ namespace l4d::io {
 namespace {
 
 constexpr uint32_t kMaxSize = L4D_MAX_IMAGE_SIDE;
+constexpr int kDefaultLevel = 6;  // zlib's own default
 // No deflate stream grows by more than this factor when it is unpacked.
 constexpr uint64_t kMaxInflation = 1032;
 
@@ -126,12 +127,13 @@ void on_write(png_structp png, png_bytep bytes, size_t n) {
   if (!append(&target->bytes, bytes, n)) png_error(png, "not enough memory");
 }
 
-bool write_begin(png_structp png, png_infop info, uint32_t width, uint32_t height) {
+bool write_begin(png_structp png, png_infop info, uint32_t width, uint32_t height, int level) {
   if (setjmp(png_jmpbuf(png)) != 0) return false;
   png_set_write_fn(png, png_get_error_ptr(png), on_write, nullptr);
   png_set_user_limits(png, kMaxSize, kMaxSize);
   png_set_IHDR(png, info, width, height, 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
                PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  png_set_compression_level(png, level);
   png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
   png_write_info(png, info);
   return true;
@@ -279,6 +281,28 @@ ByteImage bytes_of(Delivered in) {
   return out;
 }
 
+// Calls take(target) for each row and at the end, when some of the image has been encoded.
+template <typename Take>
+void encode(const std::string& name, const Image& image, int level, const Take& take) {
+  if (image.width < 1 || image.height < 1 || image.width > kMaxSize || image.height > kMaxSize) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                name + ": an image has 1 to " + std::to_string(kMaxSize) + " pixels a side");
+  }
+  PngTarget target;
+  PngWriteStruct writer(&target);
+  bool good = write_begin(writer.png, writer.info, image.width, image.height, level);
+  std::vector<uint8_t> row(3 * size_t{image.width});
+  for (size_t y = 0; good && y < image.height; ++y) {
+    to_bytes(&image.rgb[y * row.size()], row.size(), row.data());
+    good = write_row(writer.png, row.data());
+    take(&target);
+  }
+  if (!good || !write_end(writer.png)) {
+    throw Error(L4D_ERR_INTERNAL, name + ": encoding the PNG: " + target.message);
+  }
+  take(&target);
+}
+
 template <typename Read>
 auto with_memory(const std::string& path, const Read& read) {
   try {
@@ -319,26 +343,21 @@ std::optional<ByteImage> read_png_bytes(const std::string& path, const ImageLimi
 }
 
 void write_png(const std::string& path, const Image& image, const Check& check) {
-  if (image.width < 1 || image.height < 1 || image.width > kMaxSize || image.height > kMaxSize) {
-    throw Error(L4D_ERR_INVALID_ARGUMENT,
-                path + ": an image has 1 to " + std::to_string(kMaxSize) + " pixels a side");
-  }
   OutputFile file(path);
-  PngTarget target;
-  PngWriteStruct writer(&target);
-  bool good = write_begin(writer.png, writer.info, image.width, image.height);
-  std::vector<uint8_t> row(3 * size_t{image.width});
-  for (size_t y = 0; good && y < image.height; ++y) {
+  encode(path, image, kDefaultLevel, [&](PngTarget* target) {
     call(check);
-    to_bytes(&image.rgb[y * row.size()], row.size(), row.data());
-    good = write_row(writer.png, row.data());
-    target.flush(&file);
-  }
-  if (!good || !write_end(writer.png)) {
-    throw Error(L4D_ERR_INTERNAL, path + ": encoding the PNG: " + target.message);
-  }
-  target.flush(&file);
+    target->flush(&file);
+  });
   file.commit();
+}
+
+std::vector<uint8_t> encode_png(const Image& image, int level) {
+  std::vector<uint8_t> bytes;
+  encode("the picture", image, level, [&](PngTarget* target) {
+    bytes.insert(bytes.end(), target->bytes.begin(), target->bytes.end());
+    target->bytes.clear();
+  });
+  return bytes;
 }
 
 }  // namespace l4d::io

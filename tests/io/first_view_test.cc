@@ -173,6 +173,23 @@ TEST(FirstView, IsUprightWhereACameraWasHeldAskew) {
 }
 
 // Up is away from what a scene stands on, whether the scene is tall or wide.
+TEST(FirstView, TurnsAtItsDistanceAndStopsBeforeThePole) {
+  l4d_presentation p = default_presentation();
+  const Vec3 target{1, 2, 3};
+  set_stated_view(&p, {1, 2 - 3.0, 3 - 4.0}, target);  // up is -y: 5 away, 3 above
+  const auto height = [&](const l4d_presentation& view) { return 2 - view.camera_position[1]; };
+  const l4d_presentation same = turned(p, 0);
+  for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(same.camera_position[k], p.camera_position[k], 1e-12);
+  for (const double angle : {0.0, 1.0, 3.0}) {
+    EXPECT_NEAR(distance(turned(p, angle).camera_position, target), 5, 1e-12);
+    EXPECT_NEAR(height(turned(p, angle)), 3, 1e-12);
+    EXPECT_NEAR(height(turned(p, angle, -std::atan2(3, 4))), 0, 1e-12);
+    EXPECT_NEAR(distance(turned(p, angle, 0.2, 4).camera_position, target), 5.0 / 4, 1e-12);
+    EXPECT_NEAR(height(turned(p, angle, 9)), 5 * std::sin(1.5), 1e-12);
+    EXPECT_NEAR(height(turned(p, angle, -9)), -5 * std::sin(1.5), 1e-12);
+  }
+}
+
 TEST(Subject, StandsOnItsFoot) {
   const auto up_of = [](const Vec3& foot, double tall) {
     Scene scene = empty_scene();
