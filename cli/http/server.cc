@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/http/server.h"
 
+#include <algorithm>
 #include <atomic>
 #include <cstring>
 #include <random>
 #include <utility>
 
 #include "cli/http/byte_range.h"
+#include "cli/http/embedded.h"
 #include "cli/http/entity_tag.h"
 #include "cli/http/file_body.h"
 #include "cli/http/folder.h"
 #include "cli/http/line.h"
 #include "cli/http/listener.h"
 #include "cli/http/peer.h"
-#include "cli/http/player.h"
 #include "cli/text/escape.h"
 #include "cli/text/units.h"
 
@@ -24,6 +25,7 @@ constexpr const char* kPlaylist = ".m3u8";  // behind the name of a file
 // Paths of pages and of the player. Names of files and folders that are served have no leading dot.
 constexpr const char* kPlay = ".play/";
 constexpr const char* kPlayer = ".player/";
+constexpr const char* kPicture = ".picture/";
 
 std::string random_token() {
   std::random_device device;
@@ -54,14 +56,13 @@ void replace(std::string& text, const std::string& what, const std::string& with
   if (at != std::string::npos) text.replace(at, what.size(), with);
 }
 
-const PlayerFile* player_file(const std::string& name) {
-  for (const PlayerFile& file : player_files()) {
-    if (name == file.name) return &file;
-  }
-  return nullptr;
+const EmbeddedFile* find(const std::vector<EmbeddedFile>& files, const std::string& name) {
+  const auto it = std::find_if(files.begin(), files.end(),
+                               [&](const EmbeddedFile& file) { return name == file.name; });
+  return it == files.end() ? nullptr : &*it;
 }
 
-std::string content_of(const PlayerFile& file) {
+std::string content_of(const EmbeddedFile& file) {
   return std::string(reinterpret_cast<const char*>(file.data), file.size);
 }
 
@@ -85,18 +86,36 @@ HttpAnswer redirect(int status, const std::string& to) {
   return answer;
 }
 
+HttpAnswer page_answer(std::string text, const std::string& sources) {
+  HttpAnswer answer = text_answer(std::move(text), type_of(".html"));
+  answer.headers.emplace_back("Content-Security-Policy",
+                              "default-src 'none'; " + sources +
+                                  "; style-src 'unsafe-inline'; base-uri 'none'; "
+                                  "frame-ancestors 'none'");
+  return answer;
+}
+
+HttpAnswer embedded(const std::vector<EmbeddedFile>& files, const std::string& name) {
+  const EmbeddedFile* file = find(files, name);
+  if (file == nullptr) return refusal(404, "not found");
+  return text_answer(content_of(*file), type_of(file->name));
+}
+
 // The player, showing `source`.
-HttpAnswer page_of(const PlayerFile& player, const std::string& root, const std::string& source) {
+HttpAnswer page_of(const EmbeddedFile& player, const std::string& root, const std::string& source) {
   std::string text = content_of(player);
   replace(text, "src=\"scene.l4d\"", "src=\"" + root + source + "\"");
   replace(text, "src=\"player.js\"", "src=\"" + root + kPlayer + "player.js\"");
-  HttpAnswer answer = text_answer(std::move(text), type_of(".html"));
-  answer.headers.emplace_back(
-      "Content-Security-Policy",
-      "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; "
-      "connect-src 'self' data:; img-src 'self' data:; style-src 'unsafe-inline'; "
-      "base-uri 'none'; frame-ancestors 'none'");
-  return answer;
+  return page_answer(std::move(text),
+                     "script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; "
+                     "connect-src 'self' data:; img-src 'self' data:");
+}
+
+// The page whose pictures this process draws. at: the path of what it takes.
+HttpAnswer picture_page(const std::string& at) {
+  std::string text = content_of(*find(picture_files(), "index.html"));
+  replace(text, "src=\"page.js\"", "src=\"" + at + "page.js\"");
+  return page_answer(std::move(text), "script-src 'self'; connect-src 'self'; img-src data: blob:");
 }
 
 }  // namespace
@@ -160,18 +179,28 @@ struct Server::Parts {
   }
 
   HttpAnswer named(const std::string& name, const HttpRequest& request) {
+    if (options.pictures.draw) {
+      if (name.empty()) return picture_page(root + kPicture);
+      if (begins_with(name, kPicture)) return picture(name.substr(std::strlen(kPicture)));
+      return refusal(404, "not found");
+    }
     if (name.empty() && !options.file.empty()) return page(options.file);
     if (begins_with(name, kPlay)) return page(name.substr(std::strlen(kPlay)));
     if (begins_with(name, kPlayer)) {
-      const PlayerFile* file = player_file(name.substr(std::strlen(kPlayer)));
-      if (file == nullptr) return refusal(404, "not found");
-      return text_answer(content_of(*file), type_of(file->name));
+      return embedded(player_files(), name.substr(std::strlen(kPlayer)));
     }
     if (name.empty()) return list(name);
     if (options.file.empty() && name.back() == '/' && name.size() > 1) {
       return list(name.substr(0, name.size() - 1));
     }
     return send(name, request);
+  }
+
+  HttpAnswer picture(const std::string& name) const {
+    if (name == "scene.json") return text_answer(options.pictures.scene, "application/json");
+    PictureRequest wanted;
+    if (!parse_picture(name, &wanted)) return embedded(picture_files(), name);
+    return text_answer(options.pictures.draw(wanted), "image/png");
   }
 
   bool is_served(const std::string& name) const {
@@ -213,7 +242,7 @@ struct Server::Parts {
   }
 
   HttpAnswer page(const std::string& name) const {
-    const PlayerFile* player = player_file("index.html");
+    const EmbeddedFile* player = find(player_files(), "index.html");
     if (player == nullptr || !is_served(name) || !folder.has_file(name)) {
       return refusal(404, "not found");
     }

@@ -6,6 +6,8 @@
 #include <memory>
 #include <string>
 
+#include "cli/http/picture_request.h"
+
 namespace l4d::cli {
 
 struct ServerOptions {
@@ -14,6 +16,7 @@ struct ServerOptions {
   // The playlist of a file of several streams, in which it has this URL; "" of a file that plays
   // without. Called by several threads, each time that one is asked for: the file may grow.
   std::function<std::string(const std::string& path, const std::string& url)> playlist;
+  Pictures pictures;      // without `draw`: the player plays
   int port = 0;           // 0 = any
   double megabits = 0;    // a second, of all answers together; 0 = no limit
   uint32_t delay_ms = 0;  // before each answer
@@ -31,6 +34,7 @@ struct ServerCounts {
 //   /TOKEN/NAME        a file; /TOKEN/NAME/: what is in a folder below
 //   /TOKEN/NAME.m3u8   of a file NAME of several streams: its playlist, where no such file is
 //   /TOKEN/.play/NAME  a page that plays it, in builds with the player
+//   /TOKEN/.picture/.. what a page of pictures takes, where this process draws
 // The landing, an address of its own, leads to /TOKEN/: once, and only programs of the user of this
 // process. Who reads it in a list of processes has nothing.
 class Server {

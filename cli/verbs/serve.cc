@@ -13,13 +13,14 @@
 #include <memory>
 
 #include "cli/command/progress.h"
+#include "cli/http/embedded.h"
 #include "cli/http/listener.h"
 #include "cli/http/peer.h"
-#include "cli/http/player.h"
 #include "cli/http/server.h"
 #include "cli/input/member_file.h"
 #include "cli/input/playlist.h"
 #include "cli/text/units.h"
+#include "cli/verbs/drawn_scene.h"
 #include "cli/verbs/verbs.h"
 
 extern char** environ;
@@ -31,6 +32,8 @@ struct ServeArguments {
   std::string input;
   uint32_t port = 0;
   bool no_browser = false;
+  bool pictures = false;
+  ImportArguments import;
   double rate = 0;
   uint32_t delay = 0;
 };
@@ -135,27 +138,45 @@ Outcome run_serve(Context& context, const ServeArguments& arguments) {
   return run_server(context, arguments, options, "serve", false);
 }
 
+// Throws what is wrong with a stream. False: it is no stream.
+bool is_stream(Context& context, const Input& input) {
+  try {
+    DecoderHandle decoder;
+    decoder.open_file(input.path());
+    if (playlist_of_file(context, input.path(), "x").empty()) {
+      note_members(context, input, decoder.info().timeline);
+    }
+    return true;
+  } catch (const Error& error) {
+    if (error.status() == L4D_ERR_NOT_L4D) return false;
+    throw current_failure(input.name());
+  }
+}
+
 Outcome run_view(Context& context, const ServeArguments& arguments) {
-  if (player_files().empty()) {
-    throw Failure(L4D_ERR_FEATURE_UNSUPPORTED,
-                  "the player is not in this build: './dev web' builds it, and then the tool");
+  const bool has_player = !player_files().empty();
+  if (!has_player) {
+    context.note("The player is not in this build ('./dev web' builds it, and then the tool).");
   }
   ServerOptions options;
   std::error_code error;
   if (std::filesystem::is_directory(arguments.input, error)) {
+    if (arguments.pictures) throw usage_error("--pictures is for one scene, not for a folder");
+    if (!has_player) {
+      throw Failure(L4D_ERR_FEATURE_UNSUPPORTED,
+                    arguments.input + ": a folder is shown by the player alone");
+    }
     options.folder = arguments.input;
     return run_server(context, arguments, options, "view", !arguments.no_browser);
   }
+  arguments.import.check();
   context.files.add_input(arguments.input, "the input");
-  l4d::DecoderHandle decoder;
-  about(arguments.input, [&] { decoder.open_file(arguments.input); });
-  const bool plays_all = !playlist_of_file(context, arguments.input, "x").empty();
-  if (!plays_all) {
-    note_members(context, Input(context, arguments.input), decoder.info().timeline);
-  }
-  const std::filesystem::path path = std::filesystem::canonical(arguments.input);
+  const Input input(context, arguments.input);
+  const bool plays = is_stream(context, input) && has_player && !arguments.pictures;
+  const std::filesystem::path path = std::filesystem::canonical(input.path());
   options.folder = path.parent_path();
   options.file = path.filename();
+  if (!plays) options.pictures = draw_pictures(context, input, arguments.import);
   return run_server(context, arguments, options, "view", !arguments.no_browser);
 }
 
@@ -178,17 +199,24 @@ void add_serve(Registry& registry) {
 
 void add_view(Registry& registry) {
   auto arguments = std::make_shared<ServeArguments>();
-  Verb* verb = add_verb(registry, "view", "Play a stream in the browser",
+  Verb* verb = add_verb(registry, "view", "Show a scene in the browser",
                         [arguments](Context& context) { return run_view(context, *arguments); });
-  verb->add_option("input", arguments->input, "Scene: .l4d, or a folder of them")->required();
+  verb->add_option("input", arguments->input, scene_help() + ", or a folder of streams")
+      ->required();
   verb->add_flag("--no-browser", arguments->no_browser, "Only print the address");
+  verb->add_flag("--pictures", arguments->pictures,
+                 "Draw here and send pictures, for a browser without WebGL 2");
+  add_import_options(verb, arguments->import);
   add_server_options(verb, *arguments);
   verb->footer(
       "Examples:\n"
       "  l4dcodec view scene.l4d\n"
+      "  l4dcodec view scene.ply\n"
       "  l4dcodec view scenes --port 8080 --no-browser\n"
       "Prints the address, opens it where there is a screen, and serves until Ctrl-C. A file of\n"
-      "several streams plays as one presentation, also while `encode --live` appends to it.");
+      "several streams plays as one presentation, also while `encode --live` appends to it.\n"
+      "Of a scene that is no stream, and in a build without the player, the page shows pictures\n"
+      "that this program draws: drag to turn, scroll to come nearer.");
 }
 
 }  // namespace l4d::cli

@@ -4,6 +4,7 @@
 #include "cli/command/context.h"
 #include "cli/input/rendering.h"
 #include "cli/verbs/compare_renders.h"
+#include "cli/verbs/drawn_scene.h"
 #include "cli/verbs/importance.h"
 #include "cli/verbs/verbs.h"
 #include "cli/verbs/view_meter.h"
@@ -40,6 +41,11 @@ ViewMeter::~ViewMeter() = default;
 size_t ViewMeter::num_views() const { return 0; }
 
 double ViewMeter::of(const eval::Encoding&, eval::Observer&) const { return 0; }
+
+Pictures draw_pictures(Context&, const Input&, const ImportArguments&) {
+  require_renderer("--pictures");
+  return {};
+}
 
 void add_render(Registry& registry) {
   add_verb(registry, "render", "Not in this build, which has no renderer", [](Context&) -> Outcome {
