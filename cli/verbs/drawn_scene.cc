@@ -32,8 +32,7 @@ class DrawnScene {
     scene_.set_time(wanted.time);
     const l4d_presentation view = io::turned(first_, wanted.angle, wanted.rise, wanted.zoom);
     scene_.render(io::camera_of(view, wanted.width, wanted.height), &image_);
-    const std::vector<uint8_t> png = io::encode_png(image_, kPngLevel);
-    return std::string(png.begin(), png.end());
+    return io::encode_png(image_, kPngLevel);
   }
 
  private:

@@ -173,10 +173,18 @@ Outcome run_view(Context& context, const ServeArguments& arguments) {
   context.files.add_input(arguments.input, "the input");
   const Input input(context, arguments.input);
   const bool plays = is_stream(context, input) && has_player && !arguments.pictures;
-  const std::filesystem::path path = std::filesystem::canonical(input.path());
+  if (!plays) {
+    options.folder = ".";  // of which nothing is served
+    options.pictures = draw_pictures(context, input, arguments.import);
+    return run_server(context, arguments, options, "view", !arguments.no_browser);
+  }
+  const std::filesystem::path path = std::filesystem::canonical(input.path(), error);
+  if (error) {
+    throw Failure(L4D_ERR_IO,
+                  input.name() + ": the player wants a file with a name, or --pictures");
+  }
   options.folder = path.parent_path();
   options.file = path.filename();
-  if (!plays) options.pictures = draw_pictures(context, input, arguments.import);
   return run_server(context, arguments, options, "view", !arguments.no_browser);
 }
 

@@ -17,8 +17,10 @@ Outcome run_version(Context&) {
   if (std::strstr(l4d_build_info(), "; cuda") != nullptr) backends.push_back("cuda");
   Json devices = Json::array();
   std::string device_text;
-  for (const l4d_cuda_device_info& info : cuda_devices()) {
-    const size_t i = devices.size();
+  const std::vector<l4d_cuda_device_info> all = cuda_devices();
+  for (size_t i = 0; i < all.size(); ++i) {
+    const l4d_cuda_device_info& info = all[i];
+    if (info.name[0] == 0) continue;  // it cannot be asked
     devices.push_back(
         {{"index", i},
          {"name", info.name},

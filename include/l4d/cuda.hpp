@@ -10,14 +10,15 @@
 
 namespace l4d {
 
-// None where there is no driver either.
+// By their numbers; none where there is no driver either. Of a device that cannot be asked, zeros.
 inline std::vector<l4d_cuda_device_info> cuda_devices() {
   uint32_t count = 0;
   if (l4d_cuda_get_device_count(&count) != L4D_OK) count = 0;
   std::vector<l4d_cuda_device_info> devices;
   for (uint32_t i = 0; i < count; ++i) {
-    devices.push_back(detail::filled<l4d_cuda_device_info>(
-        [&](l4d_cuda_device_info* info) { return l4d_cuda_get_device_info(i, info); }));
+    l4d_cuda_device_info info = L4D_INIT(l4d_cuda_device_info);
+    if (l4d_cuda_get_device_info(i, &info) != L4D_OK) info = L4D_INIT(l4d_cuda_device_info);
+    devices.push_back(info);
   }
   return devices;
 }

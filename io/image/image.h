@@ -38,7 +38,7 @@ void to_bytes(const float* values, size_t count, uint8_t* bytes);
 void from_bytes(const uint8_t* bytes, size_t count, float* values);
 
 // 8 bits a channel. level: of zlib, 1 (fast) to 9 (small).
-std::vector<uint8_t> encode_png(const Image& image, int level);
+std::string encode_png(const Image& image, int level);
 // The same in a file, which appears under its name when it is complete. check: called for each row.
 void write_png(const std::string& path, const Image& image, const Check& check = {});
 // Width and height of a PNG from its first bytes; false if they are not those of a PNG.

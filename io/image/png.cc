@@ -351,10 +351,10 @@ void write_png(const std::string& path, const Image& image, const Check& check) 
   file.commit();
 }
 
-std::vector<uint8_t> encode_png(const Image& image, int level) {
-  std::vector<uint8_t> bytes;
+std::string encode_png(const Image& image, int level) {
+  std::string bytes;
   encode("the picture", image, level, [&](PngTarget* target) {
-    bytes.insert(bytes.end(), target->bytes.begin(), target->bytes.end());
+    bytes.append(target->bytes.begin(), target->bytes.end());
     target->bytes.clear();
   });
   return bytes;

@@ -74,6 +74,22 @@ gets /.picture/64x48/1.25/0/0/1
 expect_png body 64 48
 end_server
 
+# From a pipe, which & would take away from start_server.
+rm -f address
+"$L4DCODEC" view - --pictures --no-browser < a.l4d > address 2> err &
+# shellcheck disable=SC2034  # end_server reads it
+server=$!
+wait_for "an address of view -" says_address
+url=$(head -1 address)
+gets /.picture/64x48/1.25/0/0/1
+expect_png body 64 48
+end_server
+if has_player; then
+  status=0
+  l4d view - --no-browser < a.l4d 2> err || status=$?
+  expect_equal "$status" 3
+fi
+
 expect 3 view missing.l4d --pictures --no-browser
 expect 2 view folder --pictures --no-browser
 expect_text err 'one scene'

@@ -8,7 +8,6 @@ tool=$1 player=$2 out=$3 gaussians=${4:-200k}
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-rm -rf "$out"
 mkdir -p "$out"
 cp "$player"/{player.js,worker.js,sort-worker.js,l4d.wasm} "$out"
 : >"$work/cards"
@@ -16,7 +15,7 @@ cp "$player"/{player.js,worker.js,sort-worker.js,l4d.wasm} "$out"
 # card NAME TITLE TEXT: of the stream OUT/NAME.l4d, whose picture shows before it plays.
 card() {
   local facts line
-  "$tool" render "$out/$1.l4d" --size 960x540 -q -o "$out/$1.png"
+  "$tool" render "$out/$1.l4d" --size 960x540 -q -f -o "$out/$1.png"
   facts=$("$tool" info "$out/$1.l4d" --json | python3 -c 'import json, sys
 i = json.load(sys.stdin)
 print("%.1f MB, %.3g s, %d thousand Gaussians" % (i["file_bytes"] / 1e6, i["duration_s"], i["num_gaussians"] / 1e3))')
@@ -34,7 +33,7 @@ HTML
 # made NAME TITLE TEXT: a scene that synth makes.
 made() {
   "$tool" synth --scene "$1" --seconds 8 -n "$gaussians" -q -o "$work/$1.ply"
-  "$tool" encode "$work/$1.ply" --tiers 0.15,0.5 -q -o "$out/$1.l4d" # a coarse picture comes first
+  "$tool" encode "$work/$1.ply" --tiers 0.15,0.5 -q -f -o "$out/$1.l4d" # a coarse picture comes first
   card "$@"
 }
 made square "A market square at dusk" "A carousel turns, a fountain plays, people walk: each kind of motion that the format has."
