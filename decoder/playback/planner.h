@@ -37,6 +37,14 @@ struct PlanSettings {
   bool tolerant = true;
   uint64_t pool_bytes = 0;  // that a path may take
 
+  // Whether both put chunks into the same order, if their time does. What else changes an order
+  // belongs here.
+  bool same_order(const PlanSettings& other) const {
+    return floor == other.floor && target == other.target && fill == other.fill &&
+           rate == other.rate && top == other.top && network == other.network &&
+           instant_only == other.instant_only && pool_bytes == other.pool_bytes &&
+           position.direction == other.position.direction;
+  }
   // Seconds of the presentation.
   double path_length() const {
     return instant_only || network != L4D_NETWORK_ALL ? 0 : ahead * rate;

@@ -69,14 +69,9 @@ void Playback::update_items(bool changed) {
     item->hidden = is_full ? Item::kAllHere : is_loaded ? top : item->rung;
     item->loaded = is_full || (is_loaded && !full);
   };
-  const auto same = [](const PlanSettings& a, const PlanSettings& b) {
-    return a.floor == b.floor && a.target == b.target && a.fill == b.fill && a.rate == b.rate &&
-           a.top == b.top && a.network == b.network && a.instant_only == b.instant_only &&
-           a.pool_bytes == b.pool_bytes && a.position.direction == b.position.direction;
-  };
   const bool moved =
       clock_.motion != L4D_MOTION_PLAYING && settings_.position.time != sorted_.position.time;
-  const bool sorts = changed || sorts_ || moved || !same(settings_, sorted_);
+  const bool sorts = changed || sorts_ || moved || !settings_.same_order(sorted_);
   if (!sorts && !bytes_changed_) {
     planner_.find_states();
     return;
