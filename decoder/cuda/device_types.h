@@ -12,7 +12,7 @@
 
 namespace l4d::cuda {
 
-// A rANS table of 4096 slots as 128 records of 32 slots: small enough that the tables of a whole
+// A rANS table (1,024 slots) as records of 32 slots: small enough that the tables of a whole
 // layer stay in shared memory, and one load away from all that a step needs.
 //   bits  0..31  bit i: slot i of the record is the first one of a token, for i > 0
 //   bits 32..43  how many slots before the record the token of its slot 0 begins
