@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/file/foreign_file.h"
+#include "io/file/file_kind.h"
 
 #include <algorithm>
 #include <array>
@@ -23,6 +23,7 @@ constexpr const char* kExport =
 constexpr const char* kTrain = "`l4dtrain train` makes a scene of images whose cameras are known";
 constexpr const char* kUnpack = "unpack it first";
 
+// Each kind that kMagics names, or that io/formats reads, has a row.
 struct Known {
   const char* extension;
   const char* name;
@@ -74,12 +75,12 @@ constexpr Known kKnown[] = {{".spz", "an SPZ file", kConvert},
                             {".svg", "a drawing", kTrain},
                             {".m3u8", "a playlist", "name a stream of it"}};
 
-ForeignKind kind_of(const Known& known) { return {known.name, known.way, known.extension}; }
+FileKind kind_of(const Known& known) { return {known.name, known.way, known.extension}; }
 
-ForeignKind by_extension(const char* extension) { return *foreign_extension(extension); }
+FileKind by_extension(const char* extension) { return *kind_of_extension(extension); }
 
 // Of the first file of a ZIP archive, whose name is in its header.
-ForeignKind of_zip(std::string_view head) {
+FileKind of_zip(std::string_view head) {
   constexpr size_t kName = 30;
   const auto byte = [&](size_t k) { return static_cast<size_t>(static_cast<uint8_t>(head[k])); };
   const size_t size = head.size() < kName ? 0 : byte(26) + 256 * byte(27);
@@ -134,7 +135,7 @@ std::string lower_extension(const std::string& name) {
 
 }  // namespace
 
-std::optional<ForeignKind> foreign_extension(const std::string& extension) {
+std::optional<FileKind> kind_of_extension(const std::string& extension) {
   for (const Known& known : kKnown) {
     if (extension == known.extension) return kind_of(known);
   }
@@ -157,7 +158,7 @@ bool is_stream(const std::string& path) {
          std::string_view(magic, sizeof(magic)) == kStreamMagic;
 }
 
-std::optional<ForeignKind> identify_foreign(const std::string& path, const std::string& name) {
+std::optional<FileKind> identify_file(const std::string& path, const std::string& name) {
   const FileHandle file(std::fopen(path.c_str(), "rb"));
   if (!file) throw Error(L4D_ERR_IO, path + ": cannot open: " + std::strerror(errno));
   std::array<char, 1024> bytes;
@@ -177,7 +178,7 @@ std::optional<ForeignKind> identify_foreign(const std::string& path, const std::
   }
   if (!error && looks_like_ksplat(head, size)) return by_extension(".ksplat");
   if (is_splat) {
-    return ForeignKind{"a SPLAT file by its numbers", "it is read under a name that ends in .splat",
+    return FileKind{"a SPLAT file by its numbers", "it is read under a name that ends in .splat",
                        ""};
   }
   if (begins("PK\x03\x04")) return extension == ".sog" ? by_extension(".sog") : of_zip(head);
@@ -186,7 +187,7 @@ std::optional<ForeignKind> identify_foreign(const std::string& path, const std::
     return by_extension(is_spz ? ".spz" : ".gz");
   }
   if (begins("version https://git-lfs")) {
-    return ForeignKind{"a pointer of Git LFS and not the file itself",
+    return FileKind{"a pointer of Git LFS and not the file itself",
                        "`git lfs pull` fetches that", ""};
   }
   if (head.size() > 9 && head.substr(8, 2) == "{\"") return by_extension(".safetensors");
@@ -199,10 +200,10 @@ std::optional<ForeignKind> identify_foreign(const std::string& path, const std::
   }
   if (std::find(std::begin(kAlwaysMagic), std::end(kAlwaysMagic), extension) !=
       std::end(kAlwaysMagic)) {
-    return ForeignKind{"not " + foreign_extension(extension)->name + ", although its name says so",
+    return FileKind{"not " + kind_of_extension(extension)->name + ", although its name says so",
                        "a download may have failed", ""};
   }
-  return foreign_extension(extension);
+  return kind_of_extension(extension);
 }
 
 }  // namespace l4d::io

@@ -5,7 +5,7 @@
 #include <cctype>
 #include <filesystem>
 
-#include "io/file/foreign_file.h"
+#include "io/file/file_kind.h"
 
 namespace l4d::io {
 
@@ -20,7 +20,7 @@ std::string name_at_odds(const std::string& name, const std::vector<std::string>
   };
   // Names of packed PLY have two extensions.
   const bool packed = extension == ".ply" && path.stem().extension() == ".compressed";
-  const bool known = is_in({".l4d", ".ply"}) || foreign_extension(extension);
+  const bool known = is_in({".l4d", ".ply"}) || kind_of_extension(extension);
   if (packed) extension = ".compressed.ply";
   if (extension.empty() || is_in(written) || !(strict || known || packed)) return "";
   std::string kinds;

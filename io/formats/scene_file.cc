@@ -7,7 +7,7 @@
 #include <new>
 #include <utility>
 
-#include "io/file/foreign_file.h"
+#include "io/file/file_kind.h"
 #include "io/formats/readers.h"
 #include "io/ply/read_ply.h"
 
@@ -17,7 +17,7 @@ namespace {
 using Reader = Scene (*)(InputFile file, const ImportOptions& options);
 
 struct KnownReader {
-  const char* extension;  // as foreign_file.h names the kind
+  const char* extension;  // as file_kind.h names the kind
   Reader read;
 };
 constexpr KnownReader kReaders[] = {
@@ -30,7 +30,7 @@ constexpr const char* kTakesActivated[] = {"3dgs_ply", "ftgs_ply", "stg_ply", "r
 
 // Nothing for a PLY, and for what has no reader.
 Reader reader_of(const std::string& path, const std::string& name) {
-  const std::optional<ForeignKind> kind = identify_foreign(path, name);
+  const std::optional<FileKind> kind = identify_file(path, name);
   if (!kind) return nullptr;
   for (const KnownReader& known : kReaders) {
     if (kind->extension == known.extension) return known.read;
@@ -46,7 +46,7 @@ bool is_scene_file(const std::string& path, const std::string& name) {
 
 std::string foreign_refusal(const std::string& path, const std::string& name) {
   if (is_scene_file(path, name)) return "";
-  const std::optional<ForeignKind> foreign = identify_foreign(path, name);
+  const std::optional<FileKind> foreign = identify_file(path, name);
   if (!foreign) return "";
   return ": this is " + foreign->name + ", and no stream or PLY; " + foreign->way;
 }

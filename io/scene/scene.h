@@ -31,8 +31,7 @@ struct Scene : AttributeArrays {
   l4d_placement placement{{0, 0, 0}, 1, L4D_COORDINATES_UNKNOWN, L4D_COLOR_SRGB};
   l4d_rendering rendering = default_rendering();
   l4d_presentation presentation = default_presentation();
-  // The format that was read: "l4d_ply", "3dgs_ply", "compressed_ply", "ftgs_ply", "stg_ply",
-  // "rt4dgs_ply", "spz", "sog", "splat", "ksplat", "splatv", "4dgs", "raw", "l4d", "synth".
+  // The format that was read, as docs/schema/encode.json lists them, or "synth".
   std::string source;
   // Approximations made on import, one sentence each, with their size. For people.
   std::vector<std::string> notes;

@@ -140,9 +140,9 @@ for verb in encode decode info slice render compare sensitivity convert cameras;
   [[ $verb != @(encode|render|compare|sensitivity|cameras) ]] ||
     expect_text flat 'cameras.json, transforms.*poses_bounds.npy,.*nerfstudio.*COLMAP'
 done
-for extension in ply spz sog splat ksplat splatv 4dgs safetensors; do
-  [[ $formats == *".$extension"[,\ ]* ]] || die "help does not list .$extension: $formats"
-done
+# The add-on for Blender offers the same.
+expect_equal "$(grep -o '\.[a-z0-9]*' <<< "${formats%(*}" | tr -d . | sort)" \
+  "$(sed -n 's/^EXTENSIONS = //p' "$ROOT/python/blender/l4d_import/operators.py" | grep -o '[a-z0-9]*' | sort)"
 
 # What a file has no use for is said by its name.
 expect 0 encode s.ply -o u.l4d --preset lossless

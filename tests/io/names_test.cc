@@ -3,6 +3,7 @@
 #include <zlib.h>
 
 #include <map>
+#include <sstream>
 
 #include "io/formats/instant_file.h"
 #include "io/formats/raw_arrays.h"
@@ -67,11 +68,9 @@ class NamesTest : public test::IoTest {
       write_instant_file(at, extension, splats, {});
       return test::read_bytes(at);
     };
-    std::map<std::string, std::string> out = {{"splat", splat()},
-                                              {"ksplat", ksplat()},
-                                              {"3dgs_ply", instant(".ply")},
-                                              {"spz", instant(".spz")},
-                                              {"spz in gzip", gzipped_spz()}};
+    std::map<std::string, std::string> out = {
+        {"splat", splat()},       {"ksplat", ksplat()},      {"3dgs_ply", instant(".ply")},
+        {"spz", instant(".spz")}, {"gltf", instant(".glb")}, {"spz in gzip", gzipped_spz()}};
     write_4dgs(at, scene);
     out["4dgs"] = test::read_bytes(at);
     write_raw(at, scene);
@@ -88,8 +87,10 @@ class NamesTest : public test::IoTest {
 TEST_F(NamesTest, AFileIsReadOrNamedWhateverItsNameSays) {
   for (const auto& [source, bytes] : files()) {
     const std::string is = source.substr(0, source.find(' '));
-    for (const std::string name :
-         {"a.ply", "a.spz", "a.splat", "a.sog", "a.ksplat", "a.4dgs", "a.safetensors", "a.l4d"}) {
+    std::istringstream extensions(list_of_scene_files() + ", .l4d");
+    std::string extension;
+    while (extensions >> extension) {
+      const std::string name = "a" + extension.substr(0, extension.find(','));
       SCOPED_TRACE(source);
       SCOPED_TRACE(name);
       const std::string file = write(name, bytes);

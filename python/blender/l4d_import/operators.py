@@ -9,7 +9,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from . import cloud
 
-EXTENSIONS = ("l4d", "ply", "spz", "sog", "splat", "ksplat", "splatv", "4dgs", "safetensors")
+EXTENSIONS = ("l4d", "ply", "spz", "sog", "splat", "ksplat", "splatv", "4dgs", "glb", "gltf", "safetensors")
 
 
 def again(self, context):
