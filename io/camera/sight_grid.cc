@@ -10,8 +10,8 @@
 namespace l4d::io {
 namespace {
 
-constexpr size_t kCells = 48;  // a side of the grid, which reaches to twice the radius
-constexpr double kReach = 2;
+constexpr size_t kCells = 60;  // a side of the grid
+constexpr double kReach = 2.5;  // radii: to where a ball is seen from that fills the image
 constexpr double kConeCosine = 0.89;  // 27 degrees: what is well within the image
 constexpr double kDenseShare = 0.6;   // of the opacity in the ball of the subject
 
@@ -30,8 +30,9 @@ SightGrid::SightGrid(const Scene& scene, const Subject& subject)
     const size_t cell = cell_of(p);
     const double opacity = linear_opacity(static_cast<double>(scene.opacity[i]), is_logit);
     if (cell == depth_.size() || !(opacity > 0 && opacity <= 1)) continue;
-    weight_[cell] += opacity;
-    hide(p, opacity, area_of(scene, i) / (cell_ * cell_));
+    const double shown = opacity * window_share(scene, i);
+    weight_[cell] += shown;
+    hide(p, shown, area_of(scene, i) / (cell_ * cell_));
   }
   find_dense();
 }

@@ -33,11 +33,12 @@ constexpr double kClearer = 0.15, kLeastFoot = 0.1;
 // as its standard deviation, and moves if it goes further than a twentieth of the radius meanwhile.
 constexpr double kLeastAction = 0.02, kMostAction = 0.7, kStays = 0.25, kMoves = 0.05;
 constexpr double kSmallestAction = 0.2;  // of the radius of all
+constexpr double kAround = 2;            // radii of what is dense of it
 
 struct Point {
   Vec3 at;
-  double weight;
-  double surface;  // opacity times area
+  double weight;   // opacity times window_share
+  double surface;  // weight times area
   bool stays = true;
   double speed = 0;  // scene units per sequence
 };
@@ -87,11 +88,8 @@ void state_motion(const Scene& scene, size_t i, Point* p) {
   double variance = 0;
   for (size_t k = 0; k < 4; ++k) variance += axes[12 + k] * axes[12 + k] * scale[k] * scale[k];
   const double whole = duration(scene.timeline);
-  double stay = std::sqrt(variance);
-  if (!scene.window.empty() && scene.window[2 * i] < scene.window[2 * i + 1]) {
-    const uint32_t frames = scene.window[2 * i + 1] - scene.window[2 * i];
-    stay = whole * frames / (2.0 * scene.timeline.num_frames);
-  }
+  const double share = window_share(scene, i);
+  const double stay = share < 1 ? share * whole / 2 : std::sqrt(variance);
   p->stays = !(stay <= kStays * whole);
   p->speed = length(velocity_of(rotor, scale)) * whole;
 }
@@ -109,6 +107,7 @@ std::vector<Point> visible_points(const Scene& scene, bool with_motion) {
       p.at[k] = static_cast<double>(position[3 * i + k]);
       usable = usable && std::isfinite(p.at[k]);
     }
+    p.weight *= window_share(scene, i);
     p.surface = p.weight * area_of(scene, i);
     if (usable && with_motion) state_motion(scene, i, &p);
     if (usable) points.push_back(p);
@@ -178,6 +177,12 @@ std::optional<Subject> action_of(const std::vector<Point>& points, const Subject
     return std::nullopt;
   }
   Subject action = ball_of(dense_points(acting, ball_of(acting)));
+  // Whole, and not its densest parts alone: of people these are the legs.
+  const auto is_far = [&](const Point& p) {
+    return length(minus(p.at, action.center)) > kAround * action.radius;
+  };
+  acting.erase(std::remove_if(acting.begin(), acting.end(), is_far), acting.end());
+  action = ball_of(acting);
   if (!(action.radius < all.radius)) return std::nullopt;
   action.radius = std::max(action.radius, kSmallestAction * all.radius);
   return action;
@@ -245,6 +250,12 @@ Subject find_subject(const Scene& scene, bool whole) {
 }
 
 }  // namespace
+
+double window_share(const Scene& scene, size_t i) {
+  if (scene.window.empty() || scene.window[2 * i] >= scene.window[2 * i + 1]) return 1;
+  const uint32_t frames = scene.window[2 * i + 1] - scene.window[2 * i];
+  return std::min(1.0, static_cast<double>(frames) / scene.timeline.num_frames);
+}
 
 double area_of(const Scene& scene, size_t i) {
   if (scene.log_scale.empty()) return 0;

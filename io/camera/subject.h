@@ -32,6 +32,10 @@ Subject whole_subject_of(const Scene& scene);
 // What they and SightGrid take while they look at a scene, at most.
 uint64_t subject_bytes(const Scene& scene);
 
+// The share of the sequence that the flat window of Gaussian i has; 1 without one. What frames make
+// anew each time is many Gaussians, of which one shows at a time.
+double window_share(const Scene& scene, size_t i);
+
 // Of the broadest side of Gaussian i, square scene units; 0 where it is absurd or
 // the scene has no scales.
 double area_of(const Scene& scene, size_t i);

@@ -258,6 +258,24 @@ TEST(Subject, IsWhereSomethingHappens) {
   EXPECT_GT(subject_of(room).radius, 2);
 }
 
+// Someone whom each frame makes anew is one, however many Gaussians that takes.
+TEST(Subject, CountsWhatFramesMakeAnewOnce) {
+  Scene room = room_with_someone();
+  const uint32_t frames = room.timeline.num_frames;
+  for (uint32_t frame = 1; frame < frames; ++frame) {
+    add_ball(&room, 1500, {1, 0.5, 1}, 0.7, 0.03, 0.9F);
+  }
+  room.mean_t.assign(room.count(), 2.5F);
+  for (size_t i = 0; i < room.count(); ++i) {
+    const uint32_t frame = i < kWalls ? 0 : static_cast<uint32_t>((i - kWalls) / 1500);
+    room.log_scale[4 * i + 3] = 3;
+    room.window.push_back(frame);
+    room.window.push_back(i < kWalls ? frames : frame + 1);
+  }
+  EXPECT_LT(distance(subject_of(room).center.data(), {1, 0.5, 1}), 0.2);
+  EXPECT_GT(whole_subject_of(room).radius, 2);
+}
+
 // The cameras would stand among the walls, and see what is before and behind them by chance.
 TEST(OrbitCameras, GoAroundMoreThanWhatMoves) {
   for (const Camera& camera : orbit_cameras(room_with_someone(), 15, 64, 48).cameras) {
