@@ -2,16 +2,27 @@
 // The gallery that web/site/build.sh makes, as any static server sends it, on a desktop and on a phone.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
+import {existsSync, mkdirSync, readFileSync, rmSync} from 'node:fs';
 import {join, relative} from 'node:path';
 import {after, before, test} from 'node:test';
 import {launch, newPage, serve, work} from './browser.js';
 
-let browser, server;
+const root = process.env.L4D_ROOT, tool = process.env.L4D_TOOL, site = join(work, 'site'), data = join(work, 'site-data');
+const build = (folder, from) => execFileSync('bash', [join(root, 'web/site/build.sh'), tool, join(root, 'build/web/player'), folder, '2000'],
+                                             {env: {...process.env, L4D_DATA_DIR: from}, encoding: 'utf8'});
+const scenes = ['square', 'room', 'angel', 'trumpet'];
+let browser, server, said;
 before(async () => {
-  const root = process.env.L4D_ROOT, site = join(work, 'site');
-  execFileSync('bash', [join(root, 'web/site/build.sh'), process.env.L4D_TOOL, join(root, 'build/web/player'), site, '2000']);
+  // In place of statues: small scenes that stand still, so that the test needs no data.
+  mkdirSync(join(data, 'statues'), {recursive: true});
+  execFileSync(tool, ['synth', '--scene', 'cloud', '--seconds', '1', '-n', '2000', '-q', '-f', '-o', join(data, 'cloud.ply')]);
+  for (const [name, time] of [['angel', '0'], ['trumpet', '0.5']]) {
+    execFileSync(tool, ['slice', join(data, 'cloud.ply'), '--time', time, '-q', '-f', '-o', join(data, `statues/${name}.ply`)]);
+  }
+  rmSync(site, {recursive: true, force: true});
+  said = build(site, data);
   browser = await launch();
-  server = await serve({'square.l4d': join(site, 'square.l4d'), 'room.l4d': join(site, 'room.l4d')}, {}, relative(root, site));
+  server = await serve(Object.fromEntries(scenes.map(name => [`${name}.l4d`, join(site, `${name}.l4d`)])), {}, relative(root, site));
 });
 after(async () => {
   await browser?.close();
@@ -23,7 +34,7 @@ for (const [name, width, height] of [['a desktop', 1280, 800], ['a phone', 390, 
     const page = await newPage(browser, {viewport: {width, height}});
     try {
       await page.goto(server.url);
-      for (const scene of ['square', 'room']) {
+      for (const scene of scenes) {
         await page.locator(`l4d-player[src^=${scene}]`).scrollIntoViewIfNeeded();
         await page.waitForFunction(src => document.querySelector(`l4d-player[src^=${src}]`).isOpen, scene, {timeout: 120000});
       }
@@ -35,3 +46,28 @@ for (const [name, width, height] of [['a desktop', 1280, 800], ['a phone', 390, 
     }
   });
 }
+
+test('cards of statues state licence and origin, and the text of the licence is beside the streams', async () => {
+  const page = await newPage(browser);
+  try {
+    await page.goto(server.url);
+    for (const name of ['angel', 'trumpet']) {
+      const card = page.locator('article', {has: page.locator(`l4d-player[src^=${name}]`)});
+      assert.match(await card.textContent(), /[0-9.]+ MB, stands still, \d thousand Gaussians\. Licence: MIT, of the examples of\s+playcanvas/);
+      const licence = await page.request.get(new URL(await card.locator('a').first().getAttribute('href'), server.url).href);
+      assert.match(await licence.text(), new RegExp(`${name}\\.l4d.*[^]*Permission is hereby granted`));
+      assert.match(await card.locator('code').textContent(), new RegExp(`^<l4d-player src="${name}\\.l4d" .*></l4d-player>$`));
+    }
+    assert.doesNotMatch(said, /left out/);
+  } finally {
+    await page.close();
+  }
+});
+
+test('without statues the gallery is made, and says that they are left out', () => {
+  const folder = join(work, 'site-without');
+  rmSync(folder, {recursive: true, force: true});
+  assert.match(build(folder, join(work, 'no-data')), /^the statues are left out: no .*no-data\/statues/m);
+  assert.doesNotMatch(readFileSync(join(folder, 'index.html'), 'utf8'), /angel|statue/);
+  assert.ok(existsSync(join(folder, 'square.l4d')) && !existsSync(join(folder, 'statues-licence.txt')));
+});
