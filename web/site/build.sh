@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # usage: build.sh TOOL PLAYER OUT [GAUSSIANS]
 # Makes a gallery for any web server in OUT: the player of the folder PLAYER, scenes of so many Gaussians (200k) that
-# the tool makes, the one that ./dev demo --train has trained, where it is there, and the statues of L4D_DATA_DIR
-# (../shared/data), where they are.
+# the tool makes, those that ./dev web --site --blender and ./dev demo --train have trained, where they are there, and
+# the statues of L4D_DATA_DIR (../shared/data), where they are.
 set -euo pipefail
 tool=$1 player=$2 out=$3 gaussians=${4:-200k}
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
@@ -51,11 +51,15 @@ statue() {
 }
 made square "A market square at dusk" "A carousel turns, a fountain plays, people walk: each kind of motion that the format has."
 made room "A room in the evening" "A fire, a fan, the pendulum of a clock, a chair that rocks, a cat."
-trained=$root/build/demo-train/run/scene.l4d
-if [[ -e $trained ]]; then
-  cp "$trained" "$out/trained.l4d"
-  card trained "The square, trained from images" "What 100 seconds of training on a processor make of 15 cameras." "$ours"
-fi
+# trained NAME FOLDER TITLE TEXT: what a training has left in FOLDER of build.
+trained() {
+  [[ -e $root/build/$2/run/scene.l4d ]] || return 0
+  cp "$root/build/$2/run/scene.l4d" "$out/$1.l4d"
+  card "$1" "$3" "$4" "$ours"
+}
+trained railway railway "A toy railway, trained from images" \
+  "A script models it in Blender, 14 cameras see it, and less than 3 minutes of training on a processor make the scene."
+trained trained demo-train "The square, trained from images" "What 100 seconds of training on a processor make of 15 cameras."
 if [[ -e $data/statues/angel.ply && -e $data/statues/trumpet.ply ]]; then
   cp "$root/web/site/statues-licence.txt" "$out"
   statue angel "An angel of marble" "A statue on a plinth, captured from all sides; it turns by itself."
