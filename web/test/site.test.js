@@ -2,7 +2,7 @@
 // The gallery that web/site/build.sh makes, as any static server sends it, on a desktop and on a phone.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
-import {existsSync, mkdirSync, readFileSync, rmSync} from 'node:fs';
+import {existsSync, mkdirSync, readdirSync, readFileSync, rmSync} from 'node:fs';
 import {join, relative} from 'node:path';
 import {after, before, test} from 'node:test';
 import {launch, newPage, serve, work} from './browser.js';
@@ -23,7 +23,9 @@ before(async () => {
   rmSync(site, {recursive: true, force: true});
   said = build(site, data);
   browser = await launch();
-  server = await serve(Object.fromEntries(scenes.map(name => [`${name}.l4d`, join(site, `${name}.l4d`)])), {}, relative(root, site));
+  // Trained scenes come with the others where they have been made.
+  const streams = readdirSync(site).filter(name => name.endsWith('.l4d'));
+  server = await serve(Object.fromEntries(streams.map(name => [name, join(site, name)])), {}, relative(root, site));
 });
 after(async () => {
   await browser?.close();
