@@ -6,17 +6,18 @@ import {existsSync, readFileSync} from 'node:fs';
 import {extname, join} from 'node:path';
 import {chromium} from 'playwright-core';
 
-const root = process.env.L4D_ROOT ?? new URL('../..', import.meta.url).pathname;
+export const root = process.env.L4D_ROOT ?? new URL('../..', import.meta.url).pathname;
 export const work = process.env.L4D_WORK ?? join(root, 'build/release/web');
 const types = {'.html': 'text/html', '.js': 'text/javascript', '.wasm': 'application/wasm'};
 const sleep = ms => new Promise(resolve => setTimeout(resolve, ms));
 
 /**
  * @typedef {object} Faults of the stream: no ranges, a tag, a status, Mbit/s, ms before each answer, what answers from a byte on wait for,
- * headers of all answers, what page.html is
+ * headers of all answers, what page.html is, what others of the player's files are
  * @property {boolean} [ranges] @property {string} [etag] @property {number} [status] @property {number} [rate]
  * @property {number} [delay] @property {(begin: number) => Promise<void> | undefined} [hold]
  * @property {Record<string, string>} [headers] @property {{body: string, headers?: Record<string, string>}} [page]
+ * @property {Record<string, {status: number, type: string}>} [instead]
  */
 
 /**
@@ -31,6 +32,10 @@ export const serve = async (streams, faults = {}, folder = 'build/web/player', h
     names.push(name);
     if (name === 'page.html' && faults.page) {
       return response.writeHead(200, {'Content-Type': 'text/html', ...faults.page.headers}).end(faults.page.body);
+    }
+    if (faults.instead?.[name]) {
+      const {status, type} = faults.instead[name];
+      return response.writeHead(status, {'Content-Type': type}).end('<!doctype html>');
     }
     if (!(name in streams)) {
       try {

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // <l4d-player> in pages of others: without WebGL2, moved and removed, far below, many of them, on another origin, in an article.
 import assert from 'node:assert/strict';
+import {mkdtempSync, readFileSync, rmSync, writeFileSync} from 'node:fs';
+import {tmpdir} from 'node:os';
 import {join} from 'node:path';
+import {pathToFileURL} from 'node:url';
 import {after, before, test} from 'node:test';
-import {launch, newPage, opened, serve, work} from './browser.js';
+import {launch, newPage, opened, root, serve, work} from './browser.js';
 
 let browser, server;
 const poster = 'data:image/svg+xml,<svg xmlns="http://www.w3.org/2000/svg" width="16" height="9"><rect width="16" height="9" fill="teal"/></svg>';
@@ -262,6 +265,72 @@ test('in an article, the wheel and a finger scroll the page; with Ctrl, after a 
     await wheel();
     await page.waitForFunction(from => scrollY > from, at);
   }));
+
+/** What a player says and is that cannot load. @param {any} page */
+const failed = page => page.evaluate(async () => {
+  const player = document.querySelector('l4d-player');
+  const errors = [];
+  player.addEventListener('error', event => errors.push(event.detail.code));
+  await player.load().catch(error => errors.push(error.code));
+  const box = player.shadowRoot.querySelector('.message');
+  return {errors, said: box.querySelector('p').textContent, hidden: box.hidden, code: player.error?.code, message: player.error?.message,
+          states: [player.movie, player.readyState, player.networkState, player.paused]};
+});
+const notLoaded = '<l4d-player preload="none" src="scene.l4d"></l4d-player>';
+const notFound = {errors: ['NOT_FOUND', 'NOT_FOUND'], hidden: false, code: 4, states: [null, 0, 3, true]};
+
+for (const file of ['worker.js', 'sort-worker.js', 'l4d.wasm']) {
+  test(`without ${file}: the player names it, fails, and loads once it is there`, async () => {
+    server.faults.instead = {[file]: {status: 404, type: 'text/html'}};
+    try {
+      await withPage(notLoaded, async page => {
+        const said = `${server.url}${file}: status 404; check the address`;
+        assert.deepEqual(await failed(page), {...notFound, said, message: said});
+        server.faults.instead = {};
+        await page.click('.message button');
+        await opened(page);
+        assert.equal(await page.evaluate(() => document.querySelector('l4d-player').error), null);
+      }, {errors: /404/});
+    } finally {
+      server.faults.instead = {};
+    }
+  });
+}
+
+test('a page in place of a worker is a missing file, too; a policy that forbids workers is named', async () => {
+  server.faults.instead = {'sort-worker.js': {status: 200, type: 'text/html'}};
+  try {
+    await withPage(notLoaded, async page => {
+      const said = `${server.url}sort-worker.js: this is 'text/html' and no script; check the address`;
+      assert.deepEqual(await failed(page), {...notFound, said, message: said});
+    }, {errors: /MIME type/});
+  } finally {
+    server.faults.instead = {};
+  }
+  await withPage(notLoaded, async page => {
+    const {errors, said, states} = await failed(page);
+    assert.deepEqual([errors, states], [['INTERNAL', 'INTERNAL'], notFound.states]);
+    assert.match(said, /worker.js did not start; a content security policy must allow it \(worker-src\)/);
+  }, {headers: {'Content-Security-Policy': "worker-src 'none'"}, errors: /worker-src/});
+});
+
+test('opened as a file, the page of the player says what it needs, and so does a page with all of the player in it', async () => {
+  const page = await newPage(browser);
+  const folder = mkdtempSync(join(tmpdir(), 'l4d-'));
+  try {
+    await page.goto(pathToFileURL(join(root, 'build/web/player/index.html')).href);
+    assert.match(await page.evaluate(() => document.body.innerText), /needs JavaScript, and a web server/);
+    const script = readFileSync(join(root, 'build/web/l4dcodec-player/dist/l4d-player.js'), 'utf8').replaceAll('</script', '<\\/script');
+    const path = join(folder, 'all.html');
+    writeFileSync(path, `<!doctype html>${notLoaded}<script type="module">${script}</script>`);
+    await page.goto(pathToFileURL(path).href);
+    await page.waitForFunction(() => Boolean(customElements.get('l4d-player')));
+    assert.match((await failed(page)).said, /opened as a file starts no workers; put it on a web server/);
+  } finally {
+    await page.close();
+    rmSync(folder, {recursive: true});
+  }
+});
 
 test('pages that demand trusted types', () => withPage(playerOf, async page => {
   await opened(page);

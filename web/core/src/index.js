@@ -2,7 +2,7 @@
 export {open, Movie} from './movie.js';
 export {L4DError} from './errors.js';
 export {frameOfTime} from './timeline.js';
-export {inlined, startWorker, trustedHtml, workerFrom} from './workers.js';
+export {inlined, startWorker, trustedHtml, workerError, workerFrom} from './workers.js';
 
 /** @typedef {import('./movie.js').BucketRows} BucketRows */
 /** @typedef {import('./movie.js').LiveOptions} LiveOptions */

@@ -2,7 +2,7 @@
 import {Emitter} from './emitter.js';
 import {abortError, L4DError} from './errors.js';
 import {frameOfTime} from './timeline.js';
-import {inlined, startWorker} from './workers.js';
+import {inlined, startWorker, workerError} from './workers.js';
 
 /**
  * @typedef {object} Slice the 3D Gaussians of an instant
@@ -201,8 +201,7 @@ export class Movie extends Emitter {
     this.media = null;
     this.isTicking = false;
     this.worker.onmessage = event => this.#receive(event.data);
-    this.worker.onerror = event => this.#fail(new L4DError(
-      'INTERNAL', event.message ?? 'the worker did not start; a content security policy must allow it (worker-src)'));
+    this.worker.onerror = event => void workerError(this.worker, event).then(error => this.#fail(error));
   }
 
   /** Of `open`. @param {string | URL | Blob | ArrayBuffer | ArrayBufferView} from */

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How workers start: beside the page, from another origin, and out of the text of one file.
+// How workers start: beside the page, from another origin, and out of the text of one file; and why one does not.
+import {fetchError, L4DError, statusError} from './errors.js';
 
 /**
  * What a file holds that has all of the player in it (l4d-player.js): texts of workers, bytes of l4d.wasm.
@@ -25,12 +26,26 @@ const fromText = text => {
   return worker;
 };
 
+/** Where the files of workers lie. @type {WeakMap<Worker, string>} */
+const addresses = new WeakMap();
+// Its worker tells a page as little of a policy as of a missing file.
+let isForbidden = false;
+globalThis.document?.addEventListener('securitypolicyviolation', ({effectiveDirective}) => {
+  if (effectiveDirective === 'worker-src') isForbidden = true;
+});
+
+/** @param {Worker} worker @param {string} address */
+const lies = (worker, address) => {
+  addresses.set(worker, address);
+  return worker;
+};
+
 /** Of any origin. @param {string | URL} address */
 export const workerFrom = address => {
   const url = new URL(address, globalThis.location?.href);
   const isHere = url.origin === globalThis.location?.origin;
   // Browsers start workers from the origin of the page alone, but those may load others.
-  return isHere ? new Worker(trustedUrl(url.href), {type: 'module'}) : fromText(`import ${JSON.stringify(url.href)};`);
+  return lies(isHere ? new Worker(trustedUrl(url.href), {type: 'module'}) : fromText(`import ${JSON.stringify(url.href)};`), url.href);
 };
 
 /**
@@ -40,10 +55,32 @@ export const workerFrom = address => {
 export const startWorker = (make, text, name, base) => {
   if (text !== undefined) return fromText(text);
   try {
-    return make();
+    return lies(make(), new URL(name, base).href);
   } catch (error) {
     // Another origin, or trusted types.
     if (!base.startsWith('http')) throw error;
     return workerFrom(new URL(name, base));
   }
+};
+
+/**
+ * Why a worker has failed. Browsers do not say of a file whether the server lacks it: a request does.
+ * @param {Worker} worker @param {{message?: string}} event of its `onerror` @returns {Promise<L4DError>}
+ */
+export const workerError = async (worker, {message}) => {
+  if (message) return new L4DError('INTERNAL', message);
+  if (globalThis.location?.protocol === 'file:') {
+    return new L4DError('INTERNAL', 'a page that is opened as a file starts no workers; put it on a web server (python3 -m http.server is one)');
+  }
+  const url = addresses.get(worker);
+  /** @type {any} */
+  const answer = url && await fetch(url).catch(error => fetchError(url, error));
+  if (url && !isForbidden) {
+    if (answer instanceof L4DError) return answer;
+    if (!answer.ok) return statusError(url, answer.status);
+    const type = answer.headers.get('Content-Type') ?? '';
+    // What servers of applications send in place of what they do not have.
+    if (!type.includes('script')) return new L4DError('NOT_FOUND', `${url}: this is '${type}' and no script; check the address`);
+  }
+  return new L4DError('INTERNAL', `${url ?? 'the worker'} did not start; a content security policy must allow it (worker-src)`);
 };

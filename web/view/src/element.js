@@ -61,7 +61,7 @@ export class L4DPlayer extends CameraElement {
     });
     const {movie} = this;
     // Opened before the element was in a page.
-    if (movie) void this.#setView().then(() => this.view?.show(movie)).then(() => this.aim.home(), error => this.#showError(error));
+    if (movie) void this.#setView().then(() => this.view?.show(movie)).then(() => this.aim.home()).catch(error => this.#showError(error));
     else this.#begins();
   }
 
@@ -223,6 +223,7 @@ export class L4DPlayer extends CameraElement {
       this.movie = movie;
       await this.#begin(movie);
       signal.throwIfAborted();
+      if (this.movie !== movie) throw this.error?.cause;
     } catch (error) {
       if (!signal.aborted) this.#showError(error);
       throw error;
@@ -559,6 +560,14 @@ export class L4DPlayer extends CameraElement {
 
   /** @param {any} error */
   #showError(error) {
+    if (error === this.error?.cause) return;  // load() fails with the error of the movie
+    // The next load() has a view that may draw.
+    if (this.view?.failure) {
+      this.#dropView();
+      this.movie?.dispose();
+      this.movie = null;
+      this.setOpen(false);
+    }
     this.#busy(false);
     this.setError(error);
     const {title, text} = describeError(error);

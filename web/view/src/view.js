@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-import {inlined, startWorker} from 'l4dcodec';
+import {inlined, startWorker, workerError} from 'l4dcodec';
 import {OrbitCamera, rayOf} from './camera.js';
 import {Painter} from './painter.js';
 import {chooseSurface, GlSurface} from './surface.js';
@@ -52,10 +52,15 @@ export class View {
     this.needsDraw = false;
     /** What was shown before all rows were sent for again: until it is here, the picture stays. @type {any} */
     this.refilling = null;
-    /** For what of `wanted` to be drawn. @type {{wanted: number, wake: () => void}[]} */
+    /** For what of `wanted` to be drawn. @type {{wanted: number, wake: () => void, reject: (reason: any) => void}[]} */
     this.waiting = [];
-    /** For answers of the sorter, which come in the order of what it was asked. @type {((answer: any) => void)[]} */
+    /**
+     * For answers of the sorter, which come in the order of what it was asked.
+     * @type {{resolve: (answer: any) => void, reject: (reason: any) => void}[]}
+     */
     this.asking = [];
+    /** Why the sorter does not work. Then nothing is drawn any more. @type {import('l4dcodec').L4DError | null} */
+    this.failure = null;
     /** Called when a picture was drawn. */
     this.ondraw = () => {};
     this.stats = {frames: 0, visible: 0, sortMs: 0, drawMs: 0, rows: 0};
@@ -69,6 +74,7 @@ export class View {
     this.sorter = options.worker?.() ?? startWorker(() => new Worker(new URL('./sort-worker.js', import.meta.url), {type: 'module'}),
                                                     inlined.sortWorker, 'sort-worker.js', import.meta.url);
     this.sorter.onmessage = event => this.#receive(event.data);
+    this.sorter.onerror = event => void workerError(this.sorter, event).then(error => this.#fail(error));
     /** When it is known what draws. @type {Promise<'webgl2' | 'webgpu'>} */
     this.ready = surface ? Promise.resolve(this.#use(surface, null)) :
       chooseSurface(canvas, /** @type {'auto' | 'webgpu'} */ (backend)).then(({surface, fallback}) => this.#use(surface, fallback));
@@ -99,6 +105,7 @@ export class View {
 
   /** Shows this movie from now on; resolves when it is known what draws. @param {import('l4dcodec').Movie} movie */
   async show(movie) {
+    if (this.failure) throw this.failure;
     this.hide();
     this.movie = movie;
     this.#makePainter();
@@ -161,8 +168,9 @@ export class View {
   /** What the sorter answers; null after the end. @param {object} question @returns {Promise<any>} */
   #ask(question) {
     if (this.disposed) return Promise.resolve(null);
-    return new Promise(resolve => {
-      this.asking.push(resolve);
+    if (this.failure) return Promise.reject(this.failure);
+    return new Promise((resolve, reject) => {
+      this.asking.push({resolve, reject});
       this.sorter.postMessage(question);
     });
   }
@@ -173,7 +181,8 @@ export class View {
    */
   settled() {
     if (this.drawn === this.wanted || this.disposed || !this.movie) return Promise.resolve();
-    return new Promise(resolve => this.waiting.push({wanted: this.wanted, wake: () => resolve()}));
+    if (this.failure) return Promise.reject(this.failure);
+    return new Promise((resolve, reject) => this.waiting.push({wanted: this.wanted, wake: () => resolve(), reject}));
   }
 
   /**
@@ -204,9 +213,17 @@ export class View {
     this.hide();
     this.disposed = true;
     this.sorter.terminate();
-    for (const answer of this.asking.splice(0)) answer(null);
+    for (const {resolve} of this.asking.splice(0)) resolve(null);
     this.observer?.disconnect();
     this.surface?.dispose();
+  }
+
+  /** @param {import('l4dcodec').L4DError} error */
+  #fail(error) {
+    if (this.disposed) return;
+    this.failure = error;
+    for (const {reject} of [...this.asking.splice(0), ...this.waiting.splice(0)]) reject(error);
+    this.movie?.emit('error', error);
   }
 
   #makePainter() {
@@ -362,7 +379,7 @@ export class View {
 
   /** @param {any} data */
   #receive(data) {
-    if (data.type === 'answer') return this.asking.shift()?.(data.answer);
+    if (data.type === 'answer') return this.asking.shift()?.resolve(data.answer);
     if (data.id === this.sorting) this.#setOrder(data);
     this.sorter.postMessage({type: 'return', order: data.order}, [data.order.buffer]);
     this.#request();
