@@ -49,28 +49,16 @@ std::string suggestion(const std::string& given, const std::vector<std::string>&
   return best.empty() ? "" : "; did you mean " + best + "?";
 }
 
-// What CLI11 says, in our words where ours are better.
-std::string describe_usage_error(const CLI::ParseError& error, const CLI::App& app,
-                                 const CLI::App* verb) {
-  if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr) {
-    // "--seed: At Most 1 required but received 2"
-    const std::string words = error.what();
-    const size_t at = words.find(": At Most 1 required but received ");
-    const size_t times = words.rfind(' ');
-    if (at != std::string::npos) {
-      return words.substr(0, at) + ": given" + words.substr(times) + " times, takes one value";
-    }
-  }
-  const auto* extras = dynamic_cast<const CLI::ExtrasError*>(&error);
-  if (extras == nullptr) return error.what();
+// What no option and no argument of the verb takes; "" if there is none.
+std::string describe_stray(const CLI::App& app, const CLI::App* verb, bool options_alone) {
   std::string given;
   for (const std::string& token : app.remaining(true)) {
-    if (token.empty()) return "an argument is empty";
-    if (token == "--") continue;
+    if (token.empty() && !options_alone) return "an argument is empty";
+    if (token.empty() || token == "--") continue;
     if (given.empty() || token[0] == '-') given = token;
     if (given[0] == '-') break;
   }
-  if (given.empty()) return error.what();
+  if (given.empty() || (options_alone && given[0] != '-')) return "";
   std::vector<std::string> known;
   if (given[0] == '-') {
     given = given.substr(0, given.find('='));
@@ -87,6 +75,25 @@ std::string describe_usage_error(const CLI::ParseError& error, const CLI::App& a
   if (verb != nullptr) return "unexpected argument '" + given + "'";
   for (const CLI::App* each : app.get_subcommands(nullptr)) known.push_back(each->get_name());
   return "unknown command '" + given + "'" + suggestion(given, known);
+}
+
+// What CLI11 says, in our words where ours are better.
+std::string describe_usage_error(const CLI::ParseError& error, const CLI::App& app,
+                                 const CLI::App* verb) {
+  // What is missing may be what a slip in the name of an option takes away.
+  const bool is_extra = dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr;
+  const std::string stray = describe_stray(app, verb, !is_extra);
+  if (!stray.empty()) return stray;
+  if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr) {
+    // "--seed: At Most 1 required but received 2"
+    const std::string words = error.what();
+    const size_t at = words.find(": At Most 1 required but received ");
+    const size_t times = words.rfind(' ');
+    if (at != std::string::npos) {
+      return words.substr(0, at) + ": given" + words.substr(times) + " times, takes one value";
+    }
+  }
+  return error.what();
 }
 
 void print_document(const Json& document) {

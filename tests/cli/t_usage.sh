@@ -17,6 +17,13 @@ misuse encode
 misuse encode a.ply --presett high
 expect_text err 'unknown option --presett; did you mean --preset\?'
 expect_text err '^see l4dcodec encode --help$'
+# An option that is unknown is named before what lacks with it.
+misuse encode --hlep
+expect_text err 'unknown option --hlep; did you mean --help\?'
+misuse compare a.ply --min-fidelty=40
+expect_text err 'unknown option --min-fidelty; did you mean --min-fidelity\?'
+misuse encode a.ply --threads x --presett high
+expect_text err 'unknown option --presett; did you mean --preset\?'
 misuse --limit-memory 1GiB decode a.l4d
 expect_text err 'the option --limit-memory belongs behind the command decode$'
 misuse encode a.ply b.ply
