@@ -19,6 +19,12 @@ const char* read_number(const std::string& text, double* value) {
   return error == std::errc() && std::isfinite(*value) ? next : nullptr;
 }
 
+std::string drop_suffix(const std::string& text, const std::string& suffix) {
+  const bool has = text.size() > suffix.size() &&
+                   text.compare(text.size() - suffix.size(), suffix.size(), suffix) == 0;
+  return has ? text.substr(0, text.size() - suffix.size()) : text;
+}
+
 }  // namespace
 
 uint64_t parse_size(const std::string& text, const std::string& option) {
@@ -60,9 +66,23 @@ double parse_number(const std::string& text, const std::string& option) {
   return value;
 }
 
+double parse_fps(const std::string& text, const std::string& option) {
+  const double fps = parse_number(text, option);
+  if (!(fps > 0 && fps <= 1e6)) {
+    throw usage_error(option + " is " + text + "; it must be above 0 and at most 1000000");
+  }
+  return fps;
+}
+
+double parse_bitrate(const std::string& text, const std::string& option) {
+  const std::string amount = drop_suffix(text, "/s");
+  const std::string bits = drop_suffix(amount, "bit");
+  return bits != amount ? static_cast<double>(parse_size(bits, option)) / 8
+                        : static_cast<double>(parse_size(amount, option));
+}
+
 double parse_decibels(const std::string& text, const std::string& option) {
-  const bool has_unit = text.size() > 2 && text.compare(text.size() - 2, 2, "dB") == 0;
-  return parse_number(has_unit ? text.substr(0, text.size() - 2) : text, option);
+  return parse_number(drop_suffix(text, "dB"), option);
 }
 
 double parse_seconds(const std::string& text, const std::string& option) {

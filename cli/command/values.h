@@ -12,6 +12,10 @@ namespace l4d::cli {
 // B.
 uint64_t parse_size(const std::string& text, const std::string& option);
 double parse_number(const std::string& text, const std::string& option);
+// Frames per second: above 0, and at most what timelines state.
+double parse_fps(const std::string& text, const std::string& option);
+// "1MB/s", "8Mbit/s", "125000": bytes per second.
+double parse_bitrate(const std::string& text, const std::string& option);
 // "42", "42dB"
 double parse_decibels(const std::string& text, const std::string& option);
 // Seconds: "2.5", "2.5s", "1:30", "1:02:03.5".

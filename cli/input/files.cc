@@ -126,7 +126,9 @@ Output::Output(Context& context, const std::string& name, const std::string& wha
   // What would fail at the end of the work fails before it.
   const fs::path parent = fs::path(place).parent_path();
   const std::string folder = parent.empty() ? "." : parent.string();
-  if (!fs::is_directory(folder, error)) throw io_failure(name, "cannot create", ENOENT);
+  if (!fs::is_directory(folder, error)) {
+    throw Failure(L4D_ERR_IO, name + ": cannot create: there is no folder '" + folder + "'");
+  }
   const bool writable =
       ::faccessat(AT_FDCWD, folder.c_str(), W_OK | X_OK, AT_EACCESS) == 0 &&
       (!fs::exists(status) || ::faccessat(AT_FDCWD, place.c_str(), W_OK, AT_EACCESS) == 0);

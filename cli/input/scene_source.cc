@@ -61,9 +61,7 @@ void ImportArguments::check() const {
   if (!seconds.empty() && !(parse_seconds(seconds, "--seconds") > 0)) {
     throw usage_error("--seconds must be positive");
   }
-  if (!fps.empty() && !(parse_number(fps, "--fps") > 0)) {
-    throw usage_error("--fps must be positive");
-  }
+  if (!fps.empty()) parse_fps(fps, "--fps");
 }
 
 void add_import_options(Verb* verb, ImportArguments& arguments, const std::string* cameras) {

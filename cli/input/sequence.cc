@@ -27,6 +27,12 @@ void NumberedName::refuse(const std::string& name) {
   throw usage_error("--time is one instant, and '" + name + "' the name of a sequence");
 }
 
+void NumberedName::refuse_for(const std::string& verb, const std::string& name) {
+  if (!parse(name)) return;
+  throw usage_error("--output: '" + name + "' names a sequence, and " + verb +
+                    " writes one file; `slice` and `convert` write a file for each frame");
+}
+
 NumberedName::NumberedName(const std::string& pattern, const std::string& example) {
   std::string* part = &before_;
   size_t fields = 0;
@@ -86,16 +92,11 @@ void SequenceArguments::check() const {
   if (!from.empty()) parse_seconds(from, "--from");
   if (!to.empty()) parse_seconds(to, "--to");
   check_order(from, to, false);
-  if (!fps.empty() && !(parse_number(fps, "--fps") > 0)) {
-    throw usage_error("--fps must be positive");
-  }
+  if (!fps.empty()) parse_fps(fps, "--fps");
 }
 
 double sequence_fps(const SequenceArguments& arguments, const l4d_timeline& timeline) {
-  const double fps =
-      arguments.fps.empty() ? frames_per_second(timeline) : parse_number(arguments.fps, "--fps");
-  if (!(fps > 0)) throw usage_error("--fps must be positive");
-  return fps;
+  return arguments.fps.empty() ? frames_per_second(timeline) : parse_fps(arguments.fps, "--fps");
 }
 
 std::vector<double> instants(Context& context, const SequenceArguments& arguments,
@@ -112,7 +113,11 @@ std::vector<double> instants(Context& context, const SequenceArguments& argument
   if (!(to > from)) throw usage_error("--from and --to leave nothing of the sequence");
   // A frame that starts within rounding of the end is past it.
   const double count = std::ceil((to - from) * fps - 1e-6);
-  if (count > static_cast<double>(kMaxFrames)) throw usage_error("more than 2^24 frames");
+  if (count > static_cast<double>(kMaxFrames)) {
+    throw usage_error(
+        format("%.0f frames; a sequence has at most %zu: --from, --to and --fps choose", count,
+               kMaxFrames));
+  }
   std::vector<double> times;
   for (size_t k = 0; k < static_cast<size_t>(count); ++k) {
     times.push_back(from + static_cast<double>(k) / fps);

@@ -20,6 +20,8 @@ class NumberedName {
   std::string operator()(size_t number) const;
   // Usage error where `name` is such a pattern, since it is to name one file.
   static void refuse(const std::string& name);
+  // The same for the output of a verb that writes one file.
+  static void refuse_for(const std::string& verb, const std::string& name);
 
  private:
   std::string before_, after_;

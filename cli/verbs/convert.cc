@@ -179,14 +179,13 @@ struct Converted {
 
 // A file for each frame of the scene.
 uint64_t write_frames(Context& context, const ConvertArguments& arguments, const io::Scene& scene,
-                      const NumberedName& name) {
+                      const Frames& frames) {
   const l4d_timeline& timeline = scene.timeline;
   std::vector<double> times;
   for (uint32_t k = 0; k < timeline.num_frames; ++k) {
     times.push_back(timeline.time_begin +
                     static_cast<double>(k) * timeline.fps_den / timeline.fps_num);
   }
-  const Frames frames(context, name, times.size());
   io::WriteNotes notes;
   write_instants(context, arguments.output, scene, times, frames.paths, &notes);
   print_notes(context, notes);
@@ -277,9 +276,12 @@ Outcome run_convert(Context& context, const ConvertArguments& arguments) {
     io::state_first_view(loaded.scene, &presentation, context.budget().holder());
   }
   Converted done{loaded.scene.source, loaded.scene.count(), 0};
+  // What is wrong with their names is not about the input.
+  std::optional<Frames> outputs;
+  if (sequence) outputs.emplace(context, *sequence, loaded.scene.timeline.num_frames);
   about(input.name(), [&] {
-    if (sequence) {
-      done.bytes = write_frames(context, arguments, loaded.scene, *sequence);
+    if (outputs) {
+      done.bytes = write_frames(context, arguments, loaded.scene, *outputs);
     } else {
       write(context, arguments, loaded.scene, target, *output);
     }

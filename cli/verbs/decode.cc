@@ -78,6 +78,7 @@ l4d_query make_query(Context& context, const DecodeArguments& arguments,
 // Usage errors that need no file.
 void check(const DecodeArguments& arguments) {
   if (!arguments.time.empty()) parse_seconds(arguments.time, "--time");
+  NumberedName::refuse_for("decode", arguments.output);
   check_order(arguments.from, arguments.to, true);
   if (arguments.packed && !arguments.wants_arrays()) {
     throw usage_error("--packed needs --digest or --format raw");

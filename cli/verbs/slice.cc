@@ -27,10 +27,11 @@ struct SliceArguments {
   ImportArguments import;
 };
 
+// A name of frames, or digests: all frames.
 void require_what(const SliceArguments& arguments) {
-  if (arguments.sequence.time.empty() && !arguments.sequence.is_range()) {
-    throw usage_error("slice needs --time T, or --from A --to B --fps F for a sequence");
-  }
+  if (!arguments.sequence.time.empty() || arguments.sequence.is_range()) return;
+  if (arguments.digest || NumberedName::parse(arguments.output)) return;
+  throw usage_error("slice needs --time T, or an output name with one %d in it, as out_%04d.ply");
 }
 
 // Usage errors that need no file.
@@ -190,8 +191,8 @@ void add_slice(Registry& registry) {
           "-o,--output", arguments->output,
           "What to write, by its name: .ply (3DGS), .compressed.ply, .spz, .sog, .glb (glTF) or "
           ".usda (OpenUSD); '-' = 3DGS PLY to stdout. "
-          "A sequence needs a %d: out_%04d.ply, counted from 0. Required unless --digest is "
-          "given")
+          "A sequence, all frames unless --from, --to or --fps is given, needs a %d: out_%04d.ply, "
+          "counted from 0. Required unless --digest is given")
       ->type_name("FILE");
   verb->add_flag("--digest", arguments->digest,
                  "Write nothing and print XXH3-64 of each array of the slice. Slices are not "
@@ -206,6 +207,7 @@ void add_slice(Registry& registry) {
   verb->footer(
       "Examples:\n"
       "  l4dcodec slice scene.l4d --time 2.5 -o frame.ply\n"
+      "  l4dcodec slice scene.l4d -o frame_%04d.ply\n"
       "  l4dcodec slice scene.l4d --from 1 --to 2 --fps 30 -o frame_%04d.spz\n"
       "Each bucket of a sequence is decoded once. Opacity has the temporal falloff applied.");
 }

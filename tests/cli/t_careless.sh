@@ -6,6 +6,8 @@ make_scene s.ply 300
 make_cameras c.json
 expect 0 encode s.ply -o s.l4d --preset lossless
 expect 0 sensitivity s.ply --cameras c.json --frames 0 -o w.ply
+expect 0 slice s.ply --time 1 -o frame.ply
+mkdir frames
 : > after
 ls > before
 
@@ -69,8 +71,13 @@ refused 'to lies before' slice s.l4d -o x_%d.ply --from 9 --to 8
 refused 'to must lie after' slice s.l4d -o x_%d.ply --from 1 --to 1
 refused 'leave nothing of the sequence' slice s.l4d -o x_%d.ply --from 8 --to 9
 refused 'to lies before' render s.l4d -o x_%d.png --range 1:0
-refuses --fps 'fps' 0 -1 nan x -- slice s.l4d -o x_%d.ply
-refused '2.24 frames' slice s.l4d -o x_%d.ply --fps 1e9
+for command in 'slice s.l4d -o x_%d.ply' 'render s.l4d -o x_%d.png' 'render s.l4d -o x.mp4' 'convert s.ply x_%d.spz'; do
+  # shellcheck disable=SC2086
+  refuses --fps 'fps' 0 -1 nan x -- $command
+  # shellcheck disable=SC2086
+  refuses --fps '^l4dcodec: --fps is 1e7; it must be above 0 and at most 1000000$' 1e7 -- $command
+done
+refused '^l4dcodec: 20000000 frames; a sequence has at most 16777216: ' slice frame.ply --seconds 20 --fps 1e6 -o x_%d.ply
 for command in 'info s.l4d' 'decode s.l4d -o x.ply' 'render s.l4d -o x.png' 'compare s.l4d s.ply' \
   'encode s.l4d -o x.l4d' 'slice s.l4d --time 1 -o x.ply' 'sensitivity s.l4d --orbit 1 -o x.ply'; do
   # shellcheck disable=SC2086
@@ -102,6 +109,21 @@ refused 'error-gain needs --side-by-side' compare s.ply s.l4d --orbit 1 --error-
 refused 'any-path' compare s.ply s.l4d --any-path
 refused 'is one instant' slice s.l4d --time 1 -o x_%d.ply
 refused 'is one instant' render s.l4d --time 1 -o x_%04d.png
+for ending in ply 4dgs safetensors; do
+  refused "'x_%04d.$ending' names a sequence, and decode writes one file; .slice. and .convert. write a file for each frame" \
+    decode s.l4d --format "$([ $ending = safetensors ] && echo raw || echo l4d)" -o x_%04d.$ending
+done
+refused "names a sequence, and encode writes one file" encode s.ply -o x_%d.l4d
+refused "names a sequence, and synth writes one file" synth -n 10 -o x_%d.ply
+refused 'slice needs --time T, or an output name with one %d in it' slice s.l4d -o x.ply
+
+# Folders that are not there, by their names.
+for command in 'convert s.ply nodir/y_%d.spz' 'convert s.ply nodir/y_0.spz --time 1' 'slice s.l4d -o nodir/y_%d.ply' \
+  'decode s.l4d -o nodir/y_0.ply' 'render s.l4d -o nodir/y_%d.png' 'encode s.ply -o nodir/y_0.l4d'; do
+  # shellcheck disable=SC2086
+  expect 3 $command
+  expect_text err "^l4dcodec: nodir/y_0[.][a-z0-9]+: cannot create: there is no folder 'nodir'$"
+done
 
 # Names that promise something else.
 for name in x.bmp x.jpg x.ply x.l4d x.PNG.gif; do

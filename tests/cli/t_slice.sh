@@ -32,6 +32,12 @@ expect_document 0 slice s.l4d --from 0.5 --to 1.5 --fps 20 -o g_%d.ply
 expect_json out "d['num_frames'] == 20 and d['buckets_decoded'] < 1.5 * $buckets + 4"
 expect_document 0 slice s.l4d --fps 5 -o h_%02d%%.ply
 expect_json out 'd["num_frames"] == 10 and d["frames"][9]["output"] == "h_09%.ply"'
+# Without times, all frames, as `convert` writes them.
+expect_document 0 slice s.l4d -o all_%d.ply
+expect_json out 'd["num_frames"] == 60 and d["frames"][59]["output"] == "all_59.ply"'
+cmp all_30.ply one.ply
+expect_document 0 slice s.l4d --digest
+expect_json out 'd["num_frames"] == 60'
 # Nothing is written where one of the names exists.
 rm f_00*.ply
 touch f_003.ply

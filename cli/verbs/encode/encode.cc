@@ -7,6 +7,7 @@
 #include "cli/command/progress.h"
 #include "cli/command/values.h"
 #include "cli/input/files.h"
+#include "cli/input/sequence.h"
 #include "cli/verbs/encode/refit.h"
 #include "cli/verbs/encode/report.h"
 #include "cli/verbs/encode/scene.h"
@@ -187,6 +188,7 @@ void find_frames(Context& context, EncodeArguments* arguments) {
 
 Outcome run_encode(Context& context, EncodeArguments& arguments) {
   const Stopwatch watch;
+  NumberedName::refuse_for("encode", arguments.output);
   const std::optional<eval::Target> target = check(context, arguments);
   check_live(context, arguments, target.has_value());
   if (arguments.live.live) return run_live(context, arguments);
