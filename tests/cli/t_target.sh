@@ -87,12 +87,18 @@ bounded covariance_factor 1.3
 # Out of reach: the nearest there is, why, and an exit status that says no.
 expect_document 1 encode s.ply -o small.l4d --target-size 1kB
 expect_json out 'not d["target"]["met"] and d["quality"] == 20 and "end of 20 dB" in d["target"]["obstacle"]'
+expect_json out 'any(n.startswith("not met: 1.00 kB requested, ") for n in d["notes"])'
 expect 0 validate small.l4d
 # A target that the best quality does not fill is met.
 expect_document 0 encode s.ply -o large.l4d --target-size 1GB
 expect_json out 'd["target"]["met"] and d["quality"] == 90 and "end of 90 dB" in d["target"]["obstacle"]'
+reached='[0-9.]+ kB is the nearest that was reached: the quality is at its end of 20 dB$'
 expect 1 encode s.ply -o small.l4d --target-size 1kB --force
-expect_text out '^not met: the quality is at its end of 20 dB$'
+expect_text err "^note: not met: 1.00 kB requested, $reached"
+expect 1 encode s.ply -o small.l4d --target-bitrate 1kB/s --force
+expect_text err '^note: not met: 1.00 kB/s requested, [0-9.]+ kB/s is the nearest '
+expect 1 encode s.ply -o small.l4d --orbit 2 --size 32x32 --frames 0:60:30 --target-fidelity 99 --force
+expect_text err '^note: not met: 99.00 dB of fidelity requested, [0-9.]+ dB of fidelity is the nearest .*: the quality is at its end of 90 dB$'
 
 need_ffmpeg
 for k in 0 2; do

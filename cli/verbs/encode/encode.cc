@@ -247,6 +247,7 @@ Outcome run_encode(Context& context, EncodeArguments& arguments) {
       describe(arguments, input, scene, encoder, outputs.name,
                {encoding, importance, refit, reached, quality, read_seconds, watch.seconds()});
   outcome.stdout_is_data = outputs.stream.is_stdout();
+  if (reached) reached->note(context);
   if (arguments.verify) {
     add_verification(context, scene, outputs.stream.path(), told.min_sizes(), encoding, &outcome);
   }

@@ -12,21 +12,6 @@ namespace {
 
 constexpr const char* kNames[] = {"size", "bitrate", "fidelity", "psnr-loss", "max-error"};
 
-std::string drop_suffix(const std::string& text, const std::string& suffix) {
-  const bool has = text.size() > suffix.size() &&
-                   text.compare(text.size() - suffix.size(), suffix.size(), suffix) == 0;
-  return has ? text.substr(0, text.size() - suffix.size()) : text;
-}
-
-// "1MB/s", "8Mbit/s", "125000": bytes per second.
-double parse_bitrate(const std::string& text) {
-  const std::string option = "--target-bitrate";
-  const std::string amount = drop_suffix(text, "/s");
-  const std::string bits = drop_suffix(amount, "bit");
-  return bits != amount ? static_cast<double>(parse_size(bits, option)) / 8
-                        : static_cast<double>(parse_size(amount, option));
-}
-
 void check_views(const eval::Target& target, const CameraArguments& cameras) {
   if (!target.needs_views()) return;
   if (!cameras.given()) {
@@ -98,7 +83,7 @@ std::optional<eval::Target> parse_target(const TargetArguments& arguments,
       target->requested = static_cast<double>(parse_size(arguments.size, "--target-size"));
       break;
     case eval::Target::Kind::kBitrate:
-      target->requested = parse_bitrate(arguments.bitrate);
+      target->requested = parse_bitrate(arguments.bitrate, "--target-bitrate");
       break;
     case eval::Target::Kind::kFidelity:
       target->requested = parse_decibels(arguments.fidelity, "--target-fidelity");
@@ -192,13 +177,22 @@ Json TargetReached::json() const {
   return j;
 }
 
+void TargetReached::note(Context& context) const {
+  const eval::Trial& best = search.result();
+  if (best.met) return;
+  const std::string why = obstacle_text(search);
+  context.note("not met: " + format_figure(target, target.requested) + " requested, " +
+               format_figure(target, best.figure) + " is the nearest that was reached" +
+               (why.empty() ? "" : ": " + why));
+}
+
 std::string TargetReached::text() const {
   const eval::Trial& best = search.result();
   std::string t = format("%s at a quality of %.2f dB, %s requested, in %zu trials",
                          format_figure(target, best.figure).c_str(), best.quality,
                          format_figure(target, target.requested).c_str(), search.trials.size());
   const std::string why = obstacle_text(search);
-  if (!why.empty()) t += (best.met ? "\nnot nearer: " : "\nnot met: ") + why;
+  if (best.met && !why.empty()) t += "\nnot nearer: " + why;
   return t + '\n';
 }
 

@@ -41,6 +41,8 @@ struct TargetReached {
   double seconds = 0;
 
   Json json() const;
+  // Where it is not met.
+  void note(Context& context) const;
   std::string text() const;
 };
 
