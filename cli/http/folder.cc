@@ -127,4 +127,20 @@ std::vector<Folder::Entry> Folder::list(const std::string& name) const {
   return entries;
 }
 
+bool Folder::has_streams() const {
+  // Links to folders within it are not followed: what they lead to is met anyway.
+  std::error_code error;
+  std::filesystem::recursive_directory_iterator at(
+      path_, std::filesystem::directory_options::skip_permission_denied, error);
+  for (; !error && at != std::filesystem::recursive_directory_iterator(); at.increment(error)) {
+    const std::string name = at->path().filename().string();
+    if (name[0] == '.') {
+      at.disable_recursion_pending();
+    } else if (is_listed(name) && has_file(at->path().lexically_relative(path_).string())) {
+      return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace l4d::cli

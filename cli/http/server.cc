@@ -231,7 +231,11 @@ struct Server::Parts {
     std::string text =
         "<!doctype html><html lang=en><meta charset=utf-8><title>l4dcodec</title>"
         "<link rel=icon href=\"data:,\"><ul>\n";
-    for (const Folder::Entry& entry : folder.list(name)) {
+    const std::vector<Folder::Entry> entries = folder.list(name);
+    if (entries.empty() || (name.empty() && !folder.has_streams())) {
+      text += "<li>There is no stream in this folder yet.\n";
+    }
+    for (const Folder::Entry& entry : entries) {
       const std::string to = name.empty() ? entry.name : name + "/" + entry.name;
       const char* before = entry.is_folder || player_files().empty() ? "" : kPlay;
       const char* after = entry.is_folder ? "/" : "";

@@ -5,6 +5,7 @@
 #include <spawn.h>
 #include <unistd.h>
 
+#include <cctype>
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
@@ -13,7 +14,9 @@
 #include <memory>
 
 #include "cli/command/progress.h"
+#include "cli/command/values.h"
 #include "cli/http/embedded.h"
+#include "cli/http/folder.h"
 #include "cli/http/listener.h"
 #include "cli/http/peer.h"
 #include "cli/http/server.h"
@@ -34,7 +37,7 @@ struct ServeArguments {
   bool no_browser = false;
   bool pictures = false;
   ImportArguments import;
-  double rate = 0;
+  std::string rate;
   uint32_t delay = 0;
 };
 
@@ -43,12 +46,25 @@ void add_server_options(Verb* verb, ServeArguments& arguments) {
       ->type_name("N")
       ->whole_number(1, 65535);
   verb->add_option("--rate", arguments.rate,
-                   "Mbit/s of all answers together, to try a slow network (default: no limit)")
+                   "Of all answers together, to try a slow network: Mbit/s, or 5Mbit/s, 1MB/s "
+                   "(default: no limit)")
       ->type_name("R");
   verb->add_option("--delay", arguments.delay,
                    "Milliseconds before each answer, likewise (default: 0)")
       ->type_name("N")
       ->whole_number(0, 60000);
+}
+
+// Mbit/s; 0: no limit.
+double megabits(const std::string& text) {
+  if (text.empty()) return 0;
+  const std::string option = "--rate";
+  const bool has_unit = std::isalpha(static_cast<unsigned char>(text.back())) != 0;
+  const double rate = has_unit ? parse_bitrate(text, option) * 8 / 1e6 : parse_number(text, option);
+  if (!(rate >= 0 && rate <= 1e6)) {
+    throw usage_error(option + " is " + text + "; it must be between 0 and 1000000 Mbit/s");
+  }
+  return rate;
 }
 
 // Where somebody sits at a screen. Everybody on the machine can read the arguments of a program:
@@ -92,11 +108,8 @@ std::string playlist_of_file(const Context& context, const std::string& path,
 
 Outcome run_server(Context& context, const ServeArguments& arguments, ServerOptions options,
                    const std::string& verb, bool browse) {
-  if (!(arguments.rate >= 0 && arguments.rate <= 1e6)) {
-    throw usage_error(format("--rate is %g; it must be between 0 and 1000000", arguments.rate));
-  }
   options.port = static_cast<int>(arguments.port);
-  options.megabits = arguments.rate;
+  options.megabits = megabits(arguments.rate);
   options.delay_ms = arguments.delay;
   options.playlist = [&](const std::string& path, const std::string& url) {
     return playlist_of_file(context, path, url);
@@ -135,6 +148,9 @@ Outcome run_serve(Context& context, const ServeArguments& arguments) {
   }
   ServerOptions options;
   options.folder = arguments.input;
+  if (!Folder(arguments.input).has_streams()) {
+    context.note(arguments.input + ": the folder has no streams (.l4d) yet; `encode` makes them");
+  }
   return run_server(context, arguments, options, "serve", false);
 }
 
@@ -165,6 +181,11 @@ Outcome run_view(Context& context, const ServeArguments& arguments) {
     if (!has_player) {
       throw Failure(L4D_ERR_FEATURE_UNSUPPORTED,
                     arguments.input + ": a folder is shown by the player alone");
+    }
+    if (!Folder(arguments.input).has_streams()) {
+      throw Failure(L4D_ERR_NOT_L4D, arguments.input +
+                                         ": the folder has no streams (.l4d); `encode` makes one "
+                                         "of frames");
     }
     options.folder = arguments.input;
     return run_server(context, arguments, options, "view", !arguments.no_browser);

@@ -4,7 +4,7 @@
 need_server
 
 make_scene s.ply 3000
-mkdir -p files/inner
+mkdir -p files/inner nothing/inner
 expect 0 encode s.ply -o files/a.l4d
 cp files/a.l4d files/inner/b.l4d
 echo secret > outside.txt
@@ -383,6 +383,27 @@ print(s.getsockname()[1])')
     expect_status 404 "$path"
   done
   end_server
+  # A folder without streams has nothing to show.
+  expect 4 view nothing --no-browser
+  expect_text err '^l4dcodec: nothing: the folder has no streams [(][.]l4d[)]; .encode. makes one of frames$'
 fi
 expect 2 serve files --rate -1
 expect 2 serve files --rate nan
+expect 2 serve files --rate 5Mbit/h
+expect_text err "^l4dcodec: --rate: '5Mbit/h'"
+expect 2 serve files --rate 2Tbit/s
+expect_text err '^l4dcodec: --rate is 2Tbit/s; it must be between 0 and 1000000 Mbit/s$'
+
+# A stream may come later: where there is none yet, a note and the page say so.
+start_server serve nothing --rate 125kB/s
+expect_text err '^note: nothing: the folder has no streams [(][.]l4d[)] yet'
+get /
+expect_text body 'There is no stream in this folder yet'
+cp files/a.l4d nothing/inner/
+get /inner/
+expect_text body 'a[.]l4d</a>'
+! grep -q 'no stream' body || die "a stream is there"
+end_server
+start_server serve nothing --rate 1Mbit/s
+expect_empty err
+end_server

@@ -6,6 +6,7 @@ url=  # start_server sets it
 has_player || skip "no player"
 [ -r /proc/net/tcp ] || skip "the system does not say whose connections are"
 mkdir files
+: > files/later.l4d
 # Other programs are not told the token, which everybody could read in the list of processes.
 mkdir programs
 cat > programs/xdg-open << 'END'
