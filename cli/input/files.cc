@@ -11,6 +11,7 @@
 #include <filesystem>
 
 #include "cli/command/progress.h"
+#include "cli/input/sequence.h"
 #include "io/file/output_name.h"
 #include "io/formats/scene_file.h"
 
@@ -70,6 +71,30 @@ std::string scene_help(const std::string& what) {
   return what + ": .l4d, " + io::list_of_scene_files() + " (docs/formats.md), '-' = stdin";
 }
 
+uint64_t require_file(const std::string& path, const std::string& name) {
+  // Before it is opened: opening a named pipe waits for its writer.
+  struct stat status {};
+  if (::stat(path.c_str(), &status) != 0) {
+    if (errno == ENOENT && NumberedName::parse(name)) {
+      throw Failure(L4D_ERR_IO, name +
+                                    ": no file has this name; `encode` and `convert` make a "
+                                    "stream of frames whose names have a number there");
+    }
+    throw io_failure(name, "cannot open", errno);
+  }
+  if (S_ISDIR(status.st_mode)) {
+    throw Failure(L4D_ERR_IO, name +
+                                  ": is a folder; `encode` and `convert` make a stream of a "
+                                  "folder of frames");
+  }
+  if (!S_ISREG(status.st_mode)) {
+    throw Failure(L4D_ERR_IO, name + ": is no regular file; pipe it in and name it '-'");
+  }
+  const io::FileHandle file(std::fopen(path.c_str(), "rb"));
+  if (!file) throw io_failure(name, "cannot open", errno);
+  return static_cast<uint64_t>(status.st_size);
+}
+
 Input::Input(Context& context, const std::string& name, const std::string& what)
     : name_(name == "-" ? "stdin" : name), path_(name) {
   context.files.add_input(name, what);
@@ -80,16 +105,7 @@ Input::Input(Context& context, const std::string& name, const std::string& what)
     std::rewind(spool_.get());
     path_ = io::path_of(spool_);
   }
-  // Before it is opened: opening a named pipe waits for its writer.
-  struct stat status {};
-  if (::stat(path_.c_str(), &status) != 0) throw io_failure(name_, "cannot open", errno);
-  if (S_ISDIR(status.st_mode)) throw io_failure(name_, "cannot read", EISDIR);
-  if (!S_ISREG(status.st_mode)) {
-    throw Failure(L4D_ERR_IO, name_ + ": is no regular file; pipe it in and name it '-'");
-  }
-  const io::FileHandle file(std::fopen(path_.c_str(), "rb"));
-  if (!file) throw io_failure(name_, "cannot open", errno);
-  bytes_ = static_cast<uint64_t>(status.st_size);
+  bytes_ = require_file(path_, name_);
   is_scene_ = io::is_scene_file(path_, name);
   const std::string refusal = io::foreign_refusal(path_, name);
   if (!refusal.empty()) throw Failure(L4D_ERR_FEATURE_UNSUPPORTED, name_ + refusal);

@@ -17,6 +17,10 @@ inline constexpr const char* kTheInput = "the input";
 // What help says of an argument that names a scene: "Scene: .l4d, .ply, ...".
 std::string scene_help(const std::string& what = "Scene");
 
+// The size of the regular file at `path`. Fails if none is there, or if it cannot be opened. `name`
+// stands for the path in messages.
+uint64_t require_file(const std::string& path, const std::string& name);
+
 // An input as named on the command line. "-" is stdin, which is copied to an unnamed temporary
 // file, because reading a scene needs random access.
 class Input {

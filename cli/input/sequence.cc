@@ -2,6 +2,7 @@
 #include "cli/input/sequence.h"
 
 #include <cmath>
+#include <cstring>
 
 #include "cli/command/values.h"
 #include "cli/input/scene_source.h"
@@ -66,6 +67,25 @@ std::string NumberedName::operator()(size_t number) const {
   std::string digits = std::to_string(number);
   if (digits.size() < width_) digits.insert(0, width_ - digits.size(), '0');
   return before_ + digits + after_;
+}
+
+std::string NumberedName::glob_pattern() const {
+  std::string pattern;
+  for (const std::string* part : {&before_, &after_}) {
+    for (const char c : *part) {
+      if (std::strchr("*?[]\\", c) != nullptr) pattern += '\\';
+      pattern += c;
+    }
+    if (part == &before_) pattern += '*';
+  }
+  return pattern;
+}
+
+std::string NumberedName::digits_in(const std::string& name) const {
+  if (name.size() <= before_.size() + after_.size()) return "";
+  const std::string digits =
+      name.substr(before_.size(), name.size() - before_.size() - after_.size());
+  return digits.find_first_not_of("0123456789") == std::string::npos ? digits : "";
 }
 
 void add_sequence_options(Verb* verb, SequenceArguments& arguments) {

@@ -18,6 +18,10 @@ class NumberedName {
   // Nothing where the name is no such pattern.
   static std::optional<NumberedName> parse(const std::string& name);
   std::string operator()(size_t number) const;
+  // A pattern as glob() takes it, of any name that begins and ends as these.
+  std::string glob_pattern() const;
+  // What such a name has in the place of the number: digits, else "".
+  std::string digits_in(const std::string& name) const;
   // Usage error where `name` is such a pattern, since it is to name one file.
   static void refuse(const std::string& name);
   // The same for the output of a verb that writes one file.

@@ -126,14 +126,14 @@ constexpr Magic kMagics[] = {{"NGSP"sv, ".spz"},
 // All of whose files have one of these.
 constexpr std::string_view kAlwaysMagic[] = {".glb", ".npy", ".png", ".jpg", ".jpeg", ".gif"};
 
+}  // namespace
+
 std::string lower_extension(const std::string& name) {
   std::string extension = std::filesystem::path(name).extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return extension;
 }
-
-}  // namespace
 
 std::optional<FileKind> kind_of_extension(const std::string& extension) {
   for (const Known& known : kKnown) {
@@ -179,7 +179,7 @@ std::optional<FileKind> identify_file(const std::string& path, const std::string
   if (!error && looks_like_ksplat(head, size)) return by_extension(".ksplat");
   if (is_splat) {
     return FileKind{"a SPLAT file by its numbers", "it is read under a name that ends in .splat",
-                       ""};
+                    ""};
   }
   if (begins("PK\x03\x04")) return extension == ".sog" ? by_extension(".sog") : of_zip(head);
   if (begins("\x1f\x8b")) {
@@ -187,8 +187,8 @@ std::optional<FileKind> identify_file(const std::string& path, const std::string
     return by_extension(is_spz ? ".spz" : ".gz");
   }
   if (begins("version https://git-lfs")) {
-    return FileKind{"a pointer of Git LFS and not the file itself",
-                       "`git lfs pull` fetches that", ""};
+    return FileKind{"a pointer of Git LFS and not the file itself", "`git lfs pull` fetches that",
+                    ""};
   }
   if (head.size() > 9 && head.substr(8, 2) == "{\"") return by_extension(".safetensors");
   const size_t first = head.find_first_not_of(" \t\r\n");
@@ -201,7 +201,7 @@ std::optional<FileKind> identify_file(const std::string& path, const std::string
   if (std::find(std::begin(kAlwaysMagic), std::end(kAlwaysMagic), extension) !=
       std::end(kAlwaysMagic)) {
     return FileKind{"not " + kind_of_extension(extension)->name + ", although its name says so",
-                       "a download may have failed", ""};
+                    "a download may have failed", ""};
   }
   return kind_of_extension(extension);
 }

@@ -13,6 +13,9 @@ struct FileKind {
   std::string extension;  // of the kind: ".spz"
 };
 
+// The extension of a name in lower case, as ".spz"; "" if it has none.
+std::string lower_extension(const std::string& name);
+
 // By an extension in lower case, as ".spz"; nothing if it is none that is known.
 std::optional<FileKind> kind_of_extension(const std::string& extension);
 

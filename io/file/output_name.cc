@@ -2,7 +2,6 @@
 #include "io/file/output_name.h"
 
 #include <algorithm>
-#include <cctype>
 #include <filesystem>
 
 #include "io/file/file_kind.h"
@@ -12,9 +11,7 @@ namespace l4d::io {
 std::string name_at_odds(const std::string& name, const std::vector<std::string>& written,
                          bool strict) {
   const std::filesystem::path path(name);
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::string extension = lower_extension(name);
   const auto is_in = [&](const std::vector<std::string>& list) {
     return std::find(list.begin(), list.end(), extension) != list.end();
   };

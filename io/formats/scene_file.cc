@@ -44,6 +44,13 @@ bool is_scene_file(const std::string& path, const std::string& name) {
   return is_ply(path) || reader_of(path, name) != nullptr;
 }
 
+bool has_scene_name(const std::string& name) {
+  const std::string extension = lower_extension(name);
+  return extension == ".ply" ||
+         std::any_of(std::begin(kReaders), std::end(kReaders),
+                     [&](const KnownReader& known) { return extension == known.extension; });
+}
+
 std::string foreign_refusal(const std::string& path, const std::string& name) {
   if (is_scene_file(path, name)) return "";
   const std::optional<FileKind> foreign = identify_file(path, name);

@@ -12,6 +12,9 @@ namespace l4d::io {
 // say nothing, by the extension of `name`. Throws Error(L4D_ERR_IO).
 bool is_scene_file(const std::string& path, const std::string& name);
 
+// Whether the name ends as those of list_of_scene_files() do.
+bool has_scene_name(const std::string& name);
+
 // Why nothing reads the file, if it is known to be of another program, or a web page; else "". It
 // goes on behind the file's name.
 std::string foreign_refusal(const std::string& path, const std::string& name);

@@ -122,7 +122,7 @@ std::string PlyReader::read_header_line() {
   std::string line;
   for (;;) {
     if (begin_ == end_ && !refill()) {
-      fail(L4D_ERR_CORRUPT, "the header ends in line " + std::to_string(line_));
+      fail(L4D_ERR_CORRUPT, "the file ends in its header, in line " + std::to_string(line_));
     }
     const char c = static_cast<char>(buffer_[begin_++]);
     ++consumed_;
@@ -184,6 +184,7 @@ void PlyReader::parse_header_line(const std::vector<std::string>& words, const s
 }
 
 void PlyReader::parse_header() {
+  if (remaining() == 0) fail(L4D_ERR_CORRUPT, "the file is empty");
   if (remaining() < 4) fail(L4D_ERR_CORRUPT, "not a PLY file");
   char magic[3];
   take(magic, sizeof(magic));

@@ -35,7 +35,13 @@ expect 0 encode frames/*.ply --fps 30 --preset lossless -o names.l4d
 cmp clip.l4d names.l4d
 echo text > frames/notes.txt
 expect 0 encode frames --fps 30 --preset lossless -o folder.l4d --force
-expect_text err '1 entries that are no files of scenes'
+expect_text err 'frames: 1 entry that is no scene is not read: notes.txt'
+mkdir frames/folder.ply
+touch frames/.hidden.ply
+expect 0 encode frames --fps 30 --preset lossless -o folder.l4d --force
+cmp clip.l4d folder.l4d
+expect_text err 'frames: 3 entries that are no scenes are not read, as .hidden.ply'
+rm -r frames/folder.ply frames/.hidden.ply
 expect 0 encode frames -o rate.l4d --preset lossless
 expect_text err 'no frame rate; 30'
 expect 2 encode frames --fps 30 --seconds 1 -o both.l4d
@@ -55,6 +61,37 @@ expect 0 encode frames --fps 30 --match none --preset lossless -o none.l4d
 "$PYTHON" -c 'import os, sys; sys.exit(os.path.getsize("none.l4d") < 5 * os.path.getsize("clip.l4d"))' ||
   die 'matches save nothing'
 expect 0 encode frames --fps 30 --sequence-error position=0.5,color=0.05 -o coarse.l4d
+
+# What has the name of a frame and is none is an error that names it, however it is found.
+refuses_frame() {  # NAME STATUS PATTERN
+  expect "$2" encode frames -o x.l4d
+  expect_text err "frames/$1: .*$3"
+  expect "$2" encode frames/f_000.ply "frames/$1" -o x.l4d
+  expect_text err "frames/$1: .*$3"
+  rm "frames/$1"
+}
+: > frames/f_030.ply
+refuses_frame f_030.ply 4 'the file is empty'
+printf 'ab' > frames/f_030.ply
+refuses_frame f_030.ply 4 'not a PLY file'
+head -c 100 /dev/zero > frames/f_030.ply
+refuses_frame f_030.ply 4 'not a PLY file'
+head -c 100 /dev/zero > frames/f_030.glb
+refuses_frame f_030.glb 5 'not a glTF file, although its name says so'
+ln -s absent frames/f_030.PLY
+refuses_frame f_030.PLY 3 'cannot open'
+mkfifo frames/f_030.ply
+refuses_frame f_030.ply 3 'is no regular file'
+cp clip.l4d frames/f_030.ply
+refuses_frame f_030.ply 5 'this is a stream, .*concat. joins streams'
+head -c 300 frames/f_003.ply > frames/f_030.ply
+refuses_frame f_030.ply 4 'the file ends in its header, in line'
+mkdir streams
+cp clip.l4d streams
+expect 3 encode streams -o x.l4d
+expect_text err 'streams: no file of a scene is there, but streams, as streams/clip.l4d; .l4dcodec concat. joins'
+expect 5 encode clip.l4d none.l4d -o x.l4d
+expect_text err 'clip.l4d: this is a stream, .*concat. joins'
 
 # Careless hands.
 expect 2 encode frames

@@ -273,8 +273,10 @@ TEST_F(PlyTest, BadHeadersNameTheirLine) {
     const char* header;
     const char* expected;
   } kCases[] = {
+      {"", "the file is empty"},
       {"plx\n", "not a PLY"},
       {"\x89PNG\r\n\x1a\n", "not a PLY"},
+      {"ply\nformat ascii 1.0\nelement ver", "the file ends in its header, in line 3"},
       {"ply\nformat ascii 2.0\n", "line 2"},
       {"ply\nformat utf8 1.0\n", "line 2"},
       {"ply\n\n", "line 2 is empty"},
