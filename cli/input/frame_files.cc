@@ -121,6 +121,7 @@ std::vector<std::string> frame_files(Context& context, const std::vector<std::st
   const std::string& first = inputs.front();
   if (inputs.size() > 1) {
     files = inputs;
+    note_listed_order(context, files);
   } else if (fs::is_directory(first, error)) {
     files = frames_among(context, first, paths_in(first));
   } else if (!fs::exists(first, error)) {

@@ -62,6 +62,43 @@ expect 0 encode frames --fps 30 --match none --preset lossless -o none.l4d
   die 'matches save nothing'
 expect 0 encode frames --fps 30 --sequence-error position=0.5,color=0.05 -o coarse.l4d
 
+# Names are ordered by their numbers as people read them.
+takes_in_order() {  # NAMES: of the first frames
+  local k=0 name
+  rm -rf ordered
+  mkdir ordered
+  for name in "$@"; do
+    cp "frames/f_$(printf %03d $k).ply" "ordered/$name.ply"
+    k=$((k + 1))
+  done
+  expect 0 convert ordered 'ordered_%d.ply' -f
+  for ((k = 0; k < $#; ++k)); do
+    cmp "ordered_$k.ply" "converted_$k.ply" || die "$*: frame $k"
+  done
+}
+for k in 0 1 2 3; do expect 0 convert "frames/f_00$k.ply" "converted_$k.ply"; done
+takes_in_order f_1 f_2 f_10
+takes_in_order t_0.0 t_0.25 t_0.5
+if grep -q 'note.*ordered' err; then die 'fractions leave nothing out'; fi
+takes_in_order t_0 t_0.5 t_1 t_1.5
+if grep -q 'note.*ordered' err; then die 'fractions are of one kind'; fi
+takes_in_order t_0.10 t_0.25 t_0.50 t_0.55
+expect_text err 'ordered: the numbers of its files are not evenly spaced, first behind ordered/t_0.10.ply'
+takes_in_order v2.8 v2.9 v2.10 v2.11
+takes_in_order 1.2.9 1.2.10 1.2.11
+takes_in_order f-2 f-1 f0
+if grep -q 'note.*ordered' err; then die 'signs are of one kind'; fi
+takes_in_order f-1 f-2 f-10
+takes_in_order f_-10 f_-2
+takes_in_order f-1.5 f-0.25 f0 f0.5
+
+# Lists keep their order; that of a shell is told.
+takes_in_order f_1 f_2 f_10
+expect 0 encode ordered/*.ply --fps 30 -o list.l4d
+expect_text err "ordered/f_10.ply before ordered/f_2.ply; .*'ordered/f_\*.ply' in quotes"
+expect 0 encode ordered/f_1.ply ordered/f_2.ply ordered/f_10.ply --fps 30 -o list.l4d -f
+if grep -q 'in quotes' err; then die 'the list has an order'; fi
+
 # What has the name of a frame and is none is an error that names it, however it is found.
 refuses_frame() {  # NAME STATUS PATTERN
   expect "$2" encode frames -o x.l4d
