@@ -243,6 +243,9 @@ void ColumnSet::store_colors() {
   scene_.notes.push_back(text);
 }
 
+// Programs for Gaussians write normals out of habit, mostly zeros: a Gaussian has none.
+bool is_normal(const std::string& name) { return name == "nx" || name == "ny" || name == "nz"; }
+
 // Properties of the element that no column names, and elements besides it.
 void ColumnSet::note_unread() {
   const std::vector<PlyProperty>& properties = reader_.element().properties;
@@ -250,7 +253,7 @@ void ColumnSet::note_unread() {
   for (const PlyColumn& column : columns_) is_read[column.property] = 1;
   std::vector<std::string> unread;
   for (size_t k = 0; k < properties.size(); ++k) {
-    if (is_read[k] == 0) unread.push_back(properties[k].name);
+    if (is_read[k] == 0 && !is_normal(properties[k].name)) unread.push_back(properties[k].name);
   }
   if (scene_.source != "l4d_ply") refuse_unread_time(reader_, unread);
   if (!unread.empty()) {

@@ -35,8 +35,7 @@ TEST_F(ForeignPlyTest, UnreadPropertiesAndElementsAreNamed) {
                           "element camera 7\nproperty float px\n") +
                          "0\n0\n0\n0\n0\n0\n0\n"));
   ASSERT_GE(scene.notes.size(), 3U);
-  EXPECT_EQ(scene.notes[1],
-            "7 of 21 properties were not read: nx, ny, nz, segment_0 .. segment_3.");
+  EXPECT_EQ(scene.notes[1], "4 of 21 properties were not read: segment_0 .. segment_3.");
   EXPECT_EQ(scene.notes[2], "Elements that were not read: camera (7 rows).");
 }
 

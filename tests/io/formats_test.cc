@@ -386,7 +386,7 @@ TEST_F(FormatsTest, SceneOfNoGaussians) {
 
 TEST_F(FormatsTest, StaticPlyIsPermanentAndStill) {
   // Properties in an unusual order, one unknown, as found in the wild.
-  std::vector<std::string> names = {"opacity", "rot_3", "rot_2", "rot_1", "rot_0", "nx"};
+  std::vector<std::string> names = {"opacity", "rot_3", "rot_2", "rot_1", "rot_0", "label"};
   extend(names, {"scale_2", "scale_1", "scale_0", "z", "y", "x"});
   extend(names, numbered("f_dc_", 3));
   const std::string file =
@@ -405,7 +405,7 @@ TEST_F(FormatsTest, StaticPlyIsPermanentAndStill) {
   EXPECT_EQ(scene.rotor, (std::vector<float>{1, 0, 0, 0, 0, 0, 0, 0,  //
                                              0.5F, -0.5F, -0.5F, -0.5F, 0, 0, 0, 0}));
   ASSERT_EQ(scene.notes.size(), 2U);
-  EXPECT_EQ(scene.notes[0], "1 of 15 properties were not read: nx.");
+  EXPECT_EQ(scene.notes[0], "1 of 15 properties were not read: label.");
   EXPECT_NE(scene.notes[1].find("0.05 %"), std::string::npos);
   for (size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(scene.mean_t[i], 5);

@@ -124,8 +124,7 @@ TEST_F(SplatvTest, IsTheSceneOfThePly) {
   expect_near(scene.rotor, same.rotor);
   expect_near(scene.sh, same.sh);
   expect_near(scene.opacity, {0.8F, 0.8F, 0.8F});
-  // That of unread normals is the PLY's own.
-  EXPECT_EQ(scene.notes, std::vector<std::string>(same.notes.begin() + 1, same.notes.end()));
+  EXPECT_EQ(scene.notes, same.notes);
   ASSERT_EQ(scene.notes.size(), 3U);
 }
 
