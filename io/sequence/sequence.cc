@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "io/scene/rendering_text.h"
+#include "io/scene/statements.h"
 #include "io/sequence/track.h"
 #include "libl4dcodec/base/threads.h"
 
@@ -76,6 +77,30 @@ class FrameNotes {
   std::map<std::string, std::pair<std::string, size_t>> of_kind_;
 };
 
+// In what the placement of a frame is not that of those before, but for the origin; "" = in
+// nothing.
+std::string placement_difference(l4d_placement frame, l4d_placement before) {
+  std::string what;
+  const auto add = [&](bool differs, const char* name) {
+    if (differs) what += (what.empty() ? "" : " and ") + std::string(name);
+  };
+  add(frame.scale != before.scale, "scale");
+  add(frame.coordinate_system != before.coordinate_system, "coordinate system");
+  add(frame.color_space != before.color_space, "colour space");
+  if (what.empty()) return "";
+  const auto stated = [](l4d_placement placement) {
+    std::fill_n(placement.origin, 3, 0.0);
+    std::string text;
+    for (const std::string& line :
+         placement_statements(placement, default_rendering(), default_presentation())) {
+      text += (text.empty() ? "\"" : ", ") + line;
+    }
+    return text.empty() ? "nothing" : text + "\"";
+  };
+  return "it differs from the frames before in " + what + ": it states " + stated(frame) +
+         ", these state " + stated(before);
+}
+
 class Reader {
  public:
   explicit Reader(const SequenceOptions& options)
@@ -93,6 +118,7 @@ class Reader {
     notes_.add(options_.paths[index], now.notes);
     std::vector<uint32_t> from(now.count(), kNoRow);
     bool in_order = true;
+    note_uneven(index, now);
     if (index > 0) from = match_rows(before_, velocities(), now, options_.match, &in_order);
     report_.in_order = report_.in_order && in_order;
     track_memory_.reach(now.count() *
@@ -118,6 +144,7 @@ class Reader {
     if (out_.windows == 0) scene.window.clear();
     scene.source = "sequence";
     scene.notes = notes_.lines(options_.paths.size());
+    if (!uneven_.empty()) scene.notes.push_back(uneven_);
     scene.memory = std::move(output_memory_).keep();
     report_.fading = out_.fading;
     report_.windows = out_.windows;
@@ -137,9 +164,8 @@ class Reader {
     }
     l4d_placement& p = frame->placement;
     const l4d_placement& first = before_.placement;
-    if (p.scale != first.scale || p.coordinate_system != first.coordinate_system ||
-        p.color_space != first.color_space) {
-      fail("its scale, coordinate system or colour space are not those of the frames before");
+    if (const std::string difference = placement_difference(p, first); !difference.empty()) {
+      fail(difference);
     }
     if (rendering_text(frame->rendering) != rendering_text(before_.rendering)) {
       fail("its rendering is \"" + rendering_text(frame->rendering) +
@@ -156,6 +182,16 @@ class Reader {
       }
       p.origin[k] = first.origin[k];
     }
+  }
+
+  void note_uneven(uint32_t index, const Frame& now) {
+    if (index == 0 || options_.match != SequenceMatch::kOrder || !uneven_.empty()) return;
+    if (now.count() == before_.count()) return;
+    uneven_ =
+        "Rows of one number are taken for one Gaussian, but the numbers of Gaussians differ, "
+        "first in " +
+        options_.paths[index] + " (" + std::to_string(now.count()) + ", before it " +
+        std::to_string(before_.count()) + "). Matching by content may take fewer Gaussians.";
   }
 
   std::vector<float> velocities() const {
@@ -238,6 +274,7 @@ class Reader {
   SequenceOutput out_;
   SequenceReport report_{0, 0, 0, 0, 0, true};
   FrameNotes notes_;
+  std::string uneven_;  // a note, once
   Growing track_memory_, output_memory_;
 };
 
