@@ -21,7 +21,11 @@ void CommandFiles::add(const std::string& path, const Entry& entry) {
 void CommandFiles::add_input(const std::string& path, const std::string& what) {
   if (path == "-") return add("/dev/stdin", {what, false});
   if (::access(path.c_str(), R_OK) != 0) {
-    throw Failure(L4D_ERR_IO, path + ": cannot open: " + std::strerror(errno));
+    const bool is_pattern = errno == ENOENT && path.find_first_of("%*") != std::string::npos;
+    throw Failure(L4D_ERR_IO, path + ": cannot open: " + std::strerror(errno) +
+                                  (is_pattern ? "; `encode` and `convert` make a stream of the "
+                                                "frames that a pattern names"
+                                              : ""));
   }
   add(path, {what, false});
   // A writer of the name without the ending would take this file for what a dead one left.

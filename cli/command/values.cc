@@ -67,7 +67,9 @@ double parse_number(const std::string& text, const std::string& option) {
 }
 
 double parse_fps(const std::string& text, const std::string& option) {
-  const double fps = parse_number(text, option);
+  const size_t slash = std::min(text.find('/'), text.size());
+  double fps = parse_number(text.substr(0, slash), option);
+  if (slash < text.size()) fps /= parse_number(text.substr(slash + 1), option);
   if (!(fps > 0 && fps <= 1e6)) {
     throw usage_error(option + " is " + text + "; it must be above 0 and at most 1000000");
   }

@@ -12,7 +12,7 @@ namespace l4d::cli {
 // B.
 uint64_t parse_size(const std::string& text, const std::string& option);
 double parse_number(const std::string& text, const std::string& option);
-// Frames per second: above 0, and at most what timelines state.
+// Frames per second, above 0 and at most what timelines state: "25", "29.97", "30000/1001".
 double parse_fps(const std::string& text, const std::string& option);
 // "1MB/s", "8Mbit/s", "125000": bytes per second.
 double parse_bitrate(const std::string& text, const std::string& option);

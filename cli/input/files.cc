@@ -11,7 +11,6 @@
 #include <filesystem>
 
 #include "cli/command/progress.h"
-#include "cli/input/sequence.h"
 #include "io/file/output_name.h"
 #include "io/formats/scene_file.h"
 
@@ -74,14 +73,7 @@ std::string scene_help(const std::string& what) {
 uint64_t require_file(const std::string& path, const std::string& name) {
   // Before it is opened: opening a named pipe waits for its writer.
   struct stat status {};
-  if (::stat(path.c_str(), &status) != 0) {
-    if (errno == ENOENT && NumberedName::parse(name)) {
-      throw Failure(L4D_ERR_IO, name +
-                                    ": no file has this name; `encode` and `convert` make a "
-                                    "stream of frames whose names have a number there");
-    }
-    throw io_failure(name, "cannot open", errno);
-  }
+  if (::stat(path.c_str(), &status) != 0) throw io_failure(name, "cannot open", errno);
   if (S_ISDIR(status.st_mode)) {
     throw Failure(L4D_ERR_IO, name +
                                   ": is a folder; `encode` and `convert` make a stream of a "
@@ -95,7 +87,7 @@ uint64_t require_file(const std::string& path, const std::string& name) {
   return static_cast<uint64_t>(status.st_size);
 }
 
-Input::Input(Context& context, const std::string& name, const std::string& what)
+Input::Input(Context& context, const std::string& name, const std::string& what, bool may_be_empty)
     : name_(name == "-" ? "stdin" : name), path_(name) {
   context.files.add_input(name, what);
   if (name == "-") {
@@ -106,6 +98,9 @@ Input::Input(Context& context, const std::string& name, const std::string& what)
     path_ = io::path_of(spool_);
   }
   bytes_ = require_file(path_, name_);
+  if (bytes_ == 0 && !may_be_empty) {
+    throw Failure(L4D_ERR_CORRUPT, name_ + ": the file is empty");
+  }
   is_scene_ = io::is_scene_file(path_, name);
   const std::string refusal = io::foreign_refusal(path_, name);
   if (!refusal.empty()) throw Failure(L4D_ERR_FEATURE_UNSUPPORTED, name_ + refusal);

@@ -25,8 +25,9 @@ uint64_t require_file(const std::string& path, const std::string& name);
 // file, because reading a scene needs random access.
 class Input {
  public:
-  // `what` as CommandFiles has it.
-  Input(Context& context, const std::string& name, const std::string& what = kTheInput);
+  // `what` as CommandFiles has it. Fails if the file is empty, unless `may_be_empty`.
+  Input(Context& context, const std::string& name, const std::string& what = kTheInput,
+        bool may_be_empty = false);
   const std::string& path() const { return path_; }  // to open
   const std::string& name() const { return name_; }  // to print
   // Whether io::read_scene_file() reads it; else it is a stream.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/input/frame_files.h"
 
+#include <glob.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <map>
@@ -9,6 +11,7 @@
 #include "cli/input/files.h"
 #include "cli/input/frame_names.h"
 #include "cli/input/sequence.h"
+#include "cli/text/name_order.h"
 #include "cli/text/units.h"
 #include "io/file/file_kind.h"
 #include "io/formats/scene_file.h"
@@ -31,6 +34,25 @@ void require_frame(const std::string& path) {
   about("", [&] { io::read_scene_file(path, path); });  // says what it is
 }
 
+// A pattern of the files of scenes in the first of these paths that is a folder with such a file,
+// for all folders next to it; "" if there is none.
+std::string pattern_in_folders(const std::vector<std::string>& paths) {
+  constexpr int kDeepest = 3;
+  for (const std::string& path : paths) {
+    std::error_code error;
+    std::string file;
+    for (fs::recursive_directory_iterator at(path, error), end; !error && at != end;
+         at.increment(error)) {
+      const std::string name = at->path().lexically_relative(path).string();
+      if (at.depth() >= kDeepest) at.disable_recursion_pending();
+      const bool is_later = file.empty() || name_is_before(file, name);
+      if (is_later && io::has_scene_name(name) && at->is_regular_file(error)) file = name;
+    }
+    if (!file.empty()) return (fs::path(path).parent_path() / "*" / file).string();
+  }
+  return "";
+}
+
 // Fails with what else a folder has that holds no frame.
 [[noreturn]] void fail_without_frames(const std::string& where,
                                       const std::vector<std::string>& others) {
@@ -42,6 +64,8 @@ void require_frame(const std::string& path) {
                                     "; `l4dcodec concat` joins streams");
     }
   }
+  const std::string pattern = pattern_in_folders(others);
+  if (!pattern.empty()) why += ", but folders with some; '" + pattern + "' names one of each";
   throw Failure(L4D_ERR_IO, where + ": " + why);
 }
 
@@ -58,7 +82,7 @@ std::vector<std::string> frames_among(Context& context, const std::string& where
                            (fs::is_regular_file(path, error) && io::is_scene_file(path, path)));
     (is_frame ? files : others).push_back(path);
   }
-  std::sort(others.begin(), others.end());
+  std::sort(others.begin(), others.end(), name_is_before);
   if (files.empty()) fail_without_frames(where, others);
   if (!others.empty()) {
     const std::string first = fs::path(others.front()).filename().string();
@@ -83,30 +107,57 @@ std::vector<std::string> paths_in(const std::string& folder) {
   return paths;
 }
 
-std::vector<std::string> files_of_pattern(const std::string& pattern, const NumberedName& name) {
-  const std::string folder = fs::path(pattern).parent_path().string();
+// The paths that a pattern of the shell names, in no order.
+std::vector<std::string> paths_like(const std::string& pattern) {
+  glob_t found{};
+  std::vector<std::string> paths;
+  if (::glob(pattern.c_str(), GLOB_NOSORT, nullptr, &found) == 0) {
+    paths.assign(found.gl_pathv, found.gl_pathv + found.gl_pathc);
+  }
+  ::globfree(&found);
+  return paths;
+}
+
+constexpr const char* kNoFile = ": no file has a name of this pattern";
+
+std::vector<std::string> files_of_glob(Context& context, const std::string& pattern) {
+  const std::vector<std::string> paths = paths_like(pattern);
+  if (paths.empty()) throw Failure(L4D_ERR_IO, pattern + kNoFile);
+  return frames_among(context, pattern, paths);
+}
+
+// "f_0012.ply is not of this pattern, but of %04d".
+std::string other_width(const std::string& path, const std::string& digits) {
+  const bool is_padded = digits.size() > 1 && digits.front() == '0';
+  return path + " is one of " + (is_padded ? format("%%0%zud", digits.size()) : "%d");
+}
+
+std::vector<std::string> files_of_pattern(Context& context, const std::string& pattern,
+                                          const NumberedName& name) {
+  constexpr size_t kMostDigits = 9;
   std::map<size_t, std::string> found;
-  for (const std::string& there : paths_in(folder.empty() ? "." : folder)) {
-    const std::string entry = fs::path(there).filename().string();
-    const std::string path = folder.empty() ? entry : there;
-    // The number is the run of digits at which the two names meet again.
-    for (size_t at = 0; at < entry.size(); ++at) {
-      constexpr size_t kMostDigits = 9;
-      if (entry[at] < '0' || entry[at] > '9') continue;
-      size_t end = at;
-      while (end < entry.size() && entry[end] >= '0' && entry[end] <= '9') ++end;
-      if (end - at > kMostDigits) break;
-      const size_t number = static_cast<size_t>(std::stoul(entry.substr(at, end - at)));
-      if (name(number) == path) found.emplace(number, path);
-      at = end;
+  std::string other;
+  for (const std::string& path : paths_like(name.glob_pattern())) {
+    const std::string digits = name.digits_in(path);
+    if (digits.empty() || digits.size() > kMostDigits) continue;
+    const size_t number = static_cast<size_t>(std::stoul(digits));
+    if (name(number) == path) {
+      found.emplace(number, path);
+    } else if (other.empty() || name_is_before(path, other)) {
+      other = path;
     }
   }
-  if (found.empty()) throw Failure(L4D_ERR_IO, pattern + ": no file has a name of this pattern");
+  if (!other.empty()) other = other_width(other, name.digits_in(other));
+  if (found.empty()) {
+    throw Failure(L4D_ERR_IO, pattern + kNoFile + (other.empty() ? "" : "; " + other));
+  }
+  if (!other.empty()) context.note(pattern + ": not all numbers are read; " + other);
   std::vector<std::string> files;
   for (const auto& [number, path] : found) {
     const size_t expected = found.begin()->first + files.size();
     if (number != expected) {
-      throw usage_error("'" + name(expected) + "' is missing in the sequence '" + pattern + "'");
+      throw usage_error("'" + name(expected) + "' is missing in the sequence '" + pattern + "'" +
+                        (other.empty() ? "" : "; " + other));
     }
     files.push_back(path);
   }
@@ -125,7 +176,11 @@ std::vector<std::string> frame_files(Context& context, const std::vector<std::st
   } else if (fs::is_directory(first, error)) {
     files = frames_among(context, first, paths_in(first));
   } else if (!fs::exists(first, error)) {
-    if (const auto name = NumberedName::parse(first)) files = files_of_pattern(first, *name);
+    if (const auto name = NumberedName::parse(first)) {
+      files = files_of_pattern(context, first, *name);
+    } else if (first.find_first_of("*?[") != std::string::npos) {
+      files = files_of_glob(context, first);
+    }
   }
   for (const std::string& file : files) {
     if (file == "-") throw usage_error("a frame of a sequence cannot come from stdin");

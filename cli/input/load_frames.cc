@@ -68,7 +68,7 @@ LoadedScene load_frames(Context& context, const std::vector<std::string>& files,
     throw usage_error("the frames of a sequence have --fps or --seconds, not both");
   }
   if (!import.fps.empty()) {
-    options.fps = parse_number(import.fps, "--fps");
+    options.fps = parse_fps(import.fps, "--fps");
   } else if (!import.seconds.empty()) {
     options.fps = static_cast<double>(files.size()) / parse_seconds(import.seconds, "--seconds");
   } else {

@@ -18,7 +18,7 @@ io::ImportOptions parse(const ImportArguments& arguments) {
   arguments.check();
   io::ImportOptions options;
   if (!arguments.seconds.empty()) options.seconds = parse_seconds(arguments.seconds, "--seconds");
-  if (!arguments.fps.empty()) options.fps = parse_number(arguments.fps, "--fps");
+  if (!arguments.fps.empty()) options.fps = parse_fps(arguments.fps, "--fps");
   options.activated = arguments.activated;
   return options;
 }
@@ -76,7 +76,9 @@ void add_import_options(Verb* verb, ImportArguments& arguments, const std::strin
                                  : "Duration of the sequence (default: 1)")
       ->type_name("T")
       ->group(group);
-  verb->add_option("--fps", arguments.fps, "Frame rate of such a scene (default: 30)")
+  verb->add_option(
+          "--fps", arguments.fps,
+          "Frame rate of such a scene, and of a sequence of frames: 25, 30000/1001 (default: 30)")
       ->type_name("F")
       ->group(group);
   verb->add_flag("--activated", arguments.activated,

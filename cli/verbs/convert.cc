@@ -261,6 +261,11 @@ Outcome run_convert(Context& context, const ConvertArguments& arguments) {
     }
     context.files.add_input(arguments.input, kTheInput);
   }
+  if (!sequence && frames.size() > 1 && target == Target::kInstant && arguments.time.empty()) {
+    throw usage_error("'" + arguments.output +
+                      "' shows one instant of a sequence: --time says which; a name with a %d in "
+                      "it is one for each frame");
+  }
   if (sequence && !frames.empty() && !arguments.sequence.given()) {
     return describe(arguments, convert_each(context, arguments, frames, *sequence), true, watch);
   }

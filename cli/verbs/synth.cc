@@ -48,7 +48,7 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
   options.check = check_interrupt;
   options.threads = static_cast<int>(context.options.threads);
   options.seconds = parse_seconds(arguments.seconds, "--seconds");
-  options.fps = parse_number(arguments.fps, "--fps");
+  options.fps = parse_fps(arguments.fps, "--fps");
   options.gaussians = parse_size(arguments.gaussians, "--gaussians");
   if (!arguments.static_gaussians.empty()) {
     options.static_gaussians = parse_size(arguments.static_gaussians, "--static-gaussians");
@@ -56,7 +56,6 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
   options.seed = arguments.seed;
   options.effects = arguments.effects;
   if (!(options.seconds > 0)) throw usage_error("--seconds must be positive");
-  if (!(options.fps > 0)) throw usage_error("--fps must be positive");
   if (options.gaussians == 0) throw usage_error("--gaussians must be positive");
   if (options.scene != "square" && options.scene != "room" && options.scene != "cloud") {
     throw usage_error("--scene: '" + options.scene + "' is none of square, room, cloud");

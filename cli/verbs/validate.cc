@@ -59,7 +59,7 @@ Outcome run_validate(Context& context, const ValidateArguments& arguments) {
     context.files.add_input(arguments.key, "--key");
     key = read_public_key(arguments.key);
   }
-  const Input input(context, arguments.input);
+  const Input input(context, arguments.input, kTheInput, true);  // states its violations
   const FileReader reader(input.path());
   l4d_decoder_options options = context.decoder_options(1);
   options.accept_needs = 1;

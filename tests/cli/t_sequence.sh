@@ -130,6 +130,59 @@ expect_text err 'streams: no file of a scene is there, but streams, as streams/c
 expect 5 encode clip.l4d none.l4d -o x.l4d
 expect_text err 'clip.l4d: this is a stream, .*concat. joins'
 
+# Patterns reach into folders; what nothing matches says so, and what would.
+mkdir -p n/1 n/2 n/10
+for k in 1 2 10; do cp "frames/f_$(printf %03d $k).ply" "n/$k/point_cloud.ply"; done
+for pattern in 'n/*/point_cloud.ply' 'n/*/*.ply'; do
+  expect 0 convert "$pattern" 'n_%d.ply' -f
+  cmp n_0.ply converted_1.ply
+  cmp n_1.ply converted_2.ply
+done
+expect 2 encode 'n/%d/point_cloud.ply' -o x.l4d
+expect_text err "'n/3/point_cloud.ply' is missing"
+mv n/10 n/3
+expect 0 encode 'n/%d/point_cloud.ply' --fps 30 -o x.l4d
+rm x.l4d
+expect 3 encode n -o x.l4d
+expect_text err "n: no file of a scene is there, but folders with some; 'n/\*/point_cloud.ply' names one of each"
+expect 3 encode 'n/*.ply' -o x.l4d
+expect_text err 'n/\*.ply: no file has a name of this pattern'
+expect 3 encode 'frames/f_%d.ply' -o x.l4d
+expect_text err 'no file has a name of this pattern; frames/f_000.ply is one of %03d'
+expect 3 encode 'ordered/f_%04d.ply' -o x.l4d
+expect_text err 'no file has a name of this pattern; ordered/f_1.ply is one of %d'
+for verb in info 'render --time 0 -o x.png' 'slice --time 0 -o x.ply' 'compare clip.l4d'; do
+  # shellcheck disable=SC2086  # options
+  expect 3 $verb frames
+  expect_text err 'frames: is a folder; .encode. and .convert. make a stream'
+done
+for pattern in 'frames/f_%03d.ply' 'frames/*.ply'; do
+  expect 3 info "$pattern"
+  expect_text err 'ply: cannot open: .*; .encode. and .convert. make a stream of the frames'
+done
+: > empty.ply
+for input in - empty.ply; do
+  for verb in info 'slice --time 0 -o x.ply' 'encode -o x.l4d'; do
+    # shellcheck disable=SC2086  # options
+    expect 4 $verb $input < empty.ply
+    expect_text err '(stdin|empty.ply): the file is empty'
+  done
+done
+expect 2 convert 'frames/f_%03d.ply' x.spz
+expect_text err "'x.spz' shows one instant of a sequence: --time says which"
+expect 0 convert frames/f_000.ply other.spz
+expect 4 encode frames/f_000.ply other.spz -o x.l4d
+expect_text err 'other.spz: it differs from the frames before in coordinate system: .*these state nothing'
+expect 0 encode frames --match order --fps 30 -o order.l4d
+expect_text err 'the numbers of Gaussians differ, first in frames/f_'
+expect 0 encode frames --fps 30000/1001 -o rate.l4d -f
+expect_document 0 info rate.l4d
+expect_json out 'd["fps_rational"] == [30000, 1001]'
+for rate in 30/0 30/ 1/2/3 -30/1; do
+  expect 2 encode frames --fps "$rate" -o x.l4d
+  expect_text err 'fps'
+done
+
 # Careless hands.
 expect 2 encode frames
 expect_text err '.--output is needed|--output is needed'
