@@ -180,6 +180,10 @@ std::vector<std::string> frame_files(Context& context, const std::vector<std::st
       files = files_of_pattern(context, first, *name);
     } else if (first.find_first_of("*?[") != std::string::npos) {
       files = files_of_glob(context, first);
+    } else if (first.find('%') != first.rfind('%')) {
+      throw usage_error("'" + first +
+                        "': a name of frames has one %d; a pattern with several * may stand in "
+                        "its place");
     }
   }
   for (const std::string& file : files) {

@@ -94,14 +94,17 @@ LoadedScene load_frames(Context& context, const std::vector<std::string>& files,
     throw Failure(L4D_ERR_INVALID_SCENE,
                   files.front() + ": the frames hold no Gaussian to be seen");
   }
-  context.note(format_count(files.size()) + " frames with " + format_count(report.rows) +
-               " Gaussians are " + format_count(loaded.scene.count()) + " Gaussians, " +
-               format_count(report.windows) + " of them with a flat window; " +
-               (report.in_order
-                    ? "rows of one number are taken for one Gaussian"
-                    : format_count(report.matched) + " rows go on from a frame before"));
+  context.note(
+      format_items(files.size(), "frame") + " with " + format_items(report.rows, "Gaussian") +
+      (report.rows == 1 ? " is " : " are ") + format_items(loaded.scene.count(), "Gaussian") +
+      ", " + format_count(report.windows) + " of them with a flat window; " +
+      (report.in_order ? "rows of one number are taken for one Gaussian"
+                       : format_items(report.matched, "row") +
+                             (report.matched == 1 ? " goes" : " go") + " on from a frame before"));
   if (report.unseen > 0) {
-    context.note(format_count(report.unseen) + " rows that are fainter than 1/255 are left out");
+    context.note(format_items(report.unseen, "row") +
+                 (report.unseen == 1 ? " that is" : " that are") + " fainter than 1/255 " +
+                 (report.unseen == 1 ? "is" : "are") + " left out");
   }
   return loaded;
 }

@@ -69,11 +69,14 @@ void add_import_options(Verb* verb, ImportArguments& arguments, const std::strin
   arguments.cameras = cameras;
   const std::string group =
       takes_cameras ? "Times that files do not state" : "Import of files that state no timeline";
-  verb->add_option("--seconds", arguments.seconds,
-                   takes_cameras ? "What 1 in the times of D-NeRF cameras stands for, as for "
-                                   "l4dtrain, and the duration of a scene whose file states no "
-                                   "timeline (default: 1)"
-                                 : "Duration of the sequence (default: 1)")
+  verb->add_option(
+          "--seconds", arguments.seconds,
+          takes_cameras
+              ? "What 1 in the times of D-NeRF cameras stands for, as for "
+                "l4dtrain, and the duration of a scene whose file states no "
+                "timeline (default: 1), or of a sequence of frames, whose rate follows from it"
+              : "Duration of the sequence (default: 1); of a sequence of frames, whose rate "
+                "follows from it")
       ->type_name("T")
       ->group(group);
   verb->add_option(
@@ -165,7 +168,7 @@ std::string describe_timeline(const l4d_timeline& timeline) {
   const std::string from =
       timeline.time_begin == 0 ? "" : " from " + format_time(timeline.time_begin) + " s";
   return format_number(io::duration(timeline)) + " s" + from + ", " +
-         format_count(timeline.num_frames) + " frames at " +
+         format_items(timeline.num_frames, "frame") + " at " +
          format_number(frames_per_second(timeline)) + " fps";
 }
 

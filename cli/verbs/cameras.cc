@@ -149,7 +149,7 @@ Outcome run_cameras(Context& context, const CamerasArguments& arguments) {
                   {"training", training},
                   {"test", tests},
                   {"file_bytes", bytes}};
-  outcome.text = arguments.output + ": " + format_count(set.cameras.size()) + " cameras";
+  outcome.text = arguments.output + ": " + format_items(set.cameras.size(), "camera");
   if (training + tests > 0) {
     outcome.text +=
         ", " + format_count(training) + " for training and " + format_count(tests) + " for tests";

@@ -77,8 +77,8 @@ void begin(Verdict& verdict, const Input& a, uint64_t count_a, const Input& b, u
                           {"num_gaussians_a", count_a},
                           {"num_gaussians_b", count_b},
                           {"timeline_equal", same_time}};
-  verdict.outcome.text = "A " + a.name() + ", " + format_count(count_a) + " Gaussians\nB " +
-                         b.name() + ", " + format_count(count_b) + " Gaussians\n";
+  verdict.outcome.text = "A " + a.name() + ", " + format_items(count_a, "Gaussian") + "\nB " +
+                         b.name() + ", " + format_items(count_b, "Gaussian") + "\n";
 }
 
 // Pairs by the file of --order; one that does not fit is a wrong argument.

@@ -242,10 +242,11 @@ Outcome describe(const ConvertArguments& arguments, const Converted& done, bool 
                   {"num_gaussians", done.gaussians},
                   {"file_bytes", done.bytes},
                   {"total_s", watch.seconds()}};
-  const char* const form = is_part ? "%s: of %s Gaussians what is visible, %s, in %s\n"
-                                   : "%s: %s Gaussians, %s, in %s\n";
-  outcome.text = format(form, arguments.output.c_str(), format_count(done.gaussians).c_str(),
-                        format_bytes(done.bytes).c_str(), format_seconds(watch.seconds()).c_str());
+  const char* const form =
+      is_part ? "%s: of %s what is visible, %s, in %s\n" : "%s: %s, %s, in %s\n";
+  outcome.text =
+      format(form, arguments.output.c_str(), format_items(done.gaussians, "Gaussian").c_str(),
+             format_bytes(done.bytes).c_str(), format_seconds(watch.seconds()).c_str());
   return outcome;
 }
 
@@ -304,8 +305,10 @@ void add_convert(Registry& registry) {
   Verb* verb =
       add_verb(registry, "convert", "Convert a scene to the format that the output's name says",
                [arguments](Context& context) { return run_convert(context, *arguments); });
-  verb->add_option("input", arguments->input,
-                   scene_help() + "; or frames of a sequence: a folder, or a name with a %d")
+  verb->add_option(
+          "input", arguments->input,
+          scene_help() +
+              "; or frames of a sequence: a folder, or a pattern as f_%04d.ply or 'n/*/a.ply'")
       ->required();
   verb->add_option(
           "output", arguments->output,

@@ -88,7 +88,8 @@ std::string Importance::text() const {
       t += format("%s %s %.3f", c == 0 ? "" : ",", component_name(c), report.agreement[c]);
     }
   }
-  return t + format("\n%s Gaussians show in no view\n", format_count(report.unseen).c_str());
+  return t + format("\n%s %s in no view\n", format_items(report.unseen, "Gaussian").c_str(),
+                    report.unseen == 1 ? "shows" : "show");
 }
 
 void EncoderImportance::set_weights(const std::string& name, io::Weights weights, uint32_t views,

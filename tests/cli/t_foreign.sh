@@ -90,7 +90,7 @@ for command in 'encode zeros -o x.l4d' 'info zeros' 'slice zeros --time 0 -o x.p
 done
 : > empty
 expect 4 info empty
-expect_text err 'empty: this is no stream'
+expect_text err 'empty: the file is empty'
 # To validate is to cite.
 expect 4 validate zeros
 expect_text out 'FILE-1'

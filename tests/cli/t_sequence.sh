@@ -140,6 +140,8 @@ for pattern in 'n/*/point_cloud.ply' 'n/*/*.ply'; do
 done
 expect 2 encode 'n/%d/point_cloud.ply' -o x.l4d
 expect_text err "'n/3/point_cloud.ply' is missing"
+expect 2 encode 'n/%d/f_%d.ply' -o x.l4d
+expect_text err 'has one %d; a pattern with several'
 mv n/10 n/3
 expect 0 encode 'n/%d/point_cloud.ply' --fps 30 -o x.l4d
 rm x.l4d
@@ -175,6 +177,10 @@ expect 4 encode frames/f_000.ply other.spz -o x.l4d
 expect_text err 'other.spz: it differs from the frames before in coordinate system: .*these state nothing'
 expect 0 encode frames --match order --fps 30 -o order.l4d
 expect_text err 'the numbers of Gaussians differ, first in frames/f_'
+expect 0 encode 'ordered/f_1.*' --fps 1 -o one.l4d
+expect_text err 'note: 1 frame with '
+expect 0 info one.l4d
+expect_text out ' 1 frame at 1 fps'
 expect 0 encode frames --fps 30000/1001 -o rate.l4d -f
 expect_document 0 info rate.l4d
 expect_json out 'd["fps_rational"] == [30000, 1001]'

@@ -152,8 +152,9 @@ void add_options(Verb* verb, EncodeArguments& arguments) {
           "input", arguments.inputs,
           scene_help() +
               ". A PLY: l4d, 3DGS, FreeTimeGS, SpacetimeGaussians lite, Real-time-4DGS. A sequence "
-              "of frames: several static scenes, a folder of them, or a name with a %d as "
-              "frame_%04d.ply. With --live: pieces of a scene, or a folder")
+              "of frames: several static scenes, a folder of them, or a pattern as frame_%04d.ply "
+              "or "
+              "'n/*/a.ply'. With --live: pieces of a scene, or a folder")
       ->required();
   verb->add_option("-o,--output", arguments.output,
                    "Stream to write, '-' = stdout (default: input's name with .l4d)")

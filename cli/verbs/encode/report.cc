@@ -30,10 +30,10 @@ void add_report(const l4d_encode_report& report, const std::string& name, double
                         {"ratio", ratio},
                         {"bits_per_gaussian", bits},
                         {"total_s", total_seconds}});
-  outcome->text +=
-      format("%s: %s Gaussians, %s, %.2f:1, %.1f bits per Gaussian, in %s\n", name.c_str(),
-             format_count(report.coded_gaussians).c_str(), format_bytes(report.file_bytes).c_str(),
-             ratio, bits, format_seconds(total_seconds).c_str());
+  outcome->text += format("%s: %s, %s, %.2f:1, %.1f bits per Gaussian, in %s\n", name.c_str(),
+                          format_items(report.coded_gaussians, "Gaussian").c_str(),
+                          format_bytes(report.file_bytes).c_str(), ratio, bits,
+                          format_seconds(total_seconds).c_str());
   outcome->json["max_errors"] = {{"position_sizes", report.max_position_error},
                                  {"covariance_factor", report.max_covariance_factor},
                                  {"seen_opacity", report.max_opacity_error},

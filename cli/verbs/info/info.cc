@@ -65,7 +65,7 @@ void add_summary(const Facts& facts, Outcome& outcome) {
   t += format("%s: %s, %s, %.1f bits per Gaussian\n", facts.name().c_str(),
               facts.input.is_scene() ? facts.stream.source().c_str() : version.c_str(),
               format_bytes(facts.bytes()).c_str(), bits);
-  t += format_count(info.num_gaussians) + " Gaussians, " + describe_timeline(info.timeline) +
+  t += format_items(info.num_gaussians, "Gaussian") + ", " + describe_timeline(info.timeline) +
        format(", SH degree %u\n", info.sh_degree);
   t +=
       "declared profile " + profile_text(info.profile) + ", level " + level_text(info.level) + "\n";

@@ -34,11 +34,11 @@ struct Seek {
     const bool base = detail_id(detail) == L4D_DETAIL_BASE_COLOR;
     return "\nseek to " + format_time(seconds) + " s: " + format_count(selection.bytes) +
            " bytes (" + format_count(selection.sh_bytes) + (base ? " more with" : " of them") +
-           " SH detail) in " + format_count(selection.num_pages) + " chunks, " +
-           format_count(selection.num_spans) + " buckets (and " +
+           " SH detail) in " + format_items(selection.num_pages, "chunk") + ", " +
+           format_items(selection.num_spans, "bucket") + " (and " +
            format_count(selection.directory_bytes) + " of directory, " +
            format_count(codebook_bytes) + " of codebooks); " +
-           format_count(selection.num_gaussians) + " Gaussians, " + format_count(visible) +
+           format_items(selection.num_gaussians, "Gaussian") + ", " + format_count(visible) +
            " visible\n";
   }
 };
