@@ -126,7 +126,7 @@ std::vector<std::string> files_of_glob(Context& context, const std::string& patt
   return frames_among(context, pattern, paths);
 }
 
-// "f_0012.ply is not of this pattern, but of %04d".
+// "f_0012.ply is one of %04d": what a pattern that leaves it out would have to be.
 std::string other_width(const std::string& path, const std::string& digits) {
   const bool is_padded = digits.size() > 1 && digits.front() == '0';
   return path + " is one of " + (is_padded ? format("%%0%zud", digits.size()) : "%d");

@@ -96,7 +96,7 @@ LoadedScene load_frames(Context& context, const std::vector<std::string>& files,
   }
   context.note(
       format_items(files.size(), "frame") + " with " + format_items(report.rows, "Gaussian") +
-      (report.rows == 1 ? " is " : " are ") + format_items(loaded.scene.count(), "Gaussian") +
+      (files.size() == 1 ? " is " : " are ") + format_items(loaded.scene.count(), "Gaussian") +
       ", " + format_count(report.windows) + " of them with a flat window; " +
       (report.in_order ? "rows of one number are taken for one Gaussian"
                        : format_items(report.matched, "row") +
