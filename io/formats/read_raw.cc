@@ -10,6 +10,7 @@
 #include "io/file/safetensors.h"
 #include "io/formats/raw_arrays.h"
 #include "io/formats/readers.h"
+#include "io/scene/counted.h"
 #include "io/scene/statements.h"
 
 namespace l4d::io {
@@ -125,8 +126,8 @@ void note_unread(const TensorFile& file, const std::set<std::string>& read, Scen
     if (read.count(name) == 0) unread.push_back(name);
   }
   if (unread.empty()) return;
-  scene->notes.push_back(std::to_string(unread.size()) +
-                         " arrays were not read: " + list_of_names(unread) + ".");
+  scene->notes.push_back(counted(unread.size(), "array was", "arrays were") +
+                         " not read: " + list_of_names(unread) + ".");
 }
 
 }  // namespace

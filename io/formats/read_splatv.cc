@@ -14,6 +14,7 @@
 #include "io/formats/splatv_view.h"
 #include "io/ply/read_ply.h"
 #include "io/ply/spacetime.h"
+#include "io/scene/counted.h"
 #include "libl4dcodec/scene/sh.h"
 
 namespace l4d::io {
@@ -119,12 +120,13 @@ class SplatvReader {
     }
     if (rows_ == nullptr) fail("its list has no chunk of the type splat");
     if (!unread.empty()) {
-      scene_.notes.push_back(std::to_string(unread.size()) +
-                             " chunks were not read: " + list_of_names(unread) + ".");
+      scene_.notes.push_back(counted(unread.size(), "chunk was", "chunks were") +
+                             " not read: " + list_of_names(unread) + ".");
     }
     if (at < file_.size()) {
-      scene_.notes.push_back(std::to_string(file_.size() - at) +
-                             " bytes behind the chunks were not read.");
+      scene_.notes.push_back(
+          counted(file_.size() - at, "byte behind the chunks was", "bytes behind the chunks were") +
+          " not read.");
     }
   }
 
@@ -186,9 +188,10 @@ class SplatvReader {
     }
     if (unseen == 0) return;
     scene_.keep(seen);
-    scene_.notes.push_back(std::to_string(unseen) +
-                           " Gaussians are never seen, as they last for no time, and were left "
-                           "out.");
+    scene_.notes.push_back(counted(unseen,
+                                   "Gaussian is never seen, as it lasts for no time, and was",
+                                   "Gaussians are never seen, as they last for no time, and were") +
+                           " left out.");
   }
 
   std::string path_;

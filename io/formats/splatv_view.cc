@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "io/scene/counted.h"
 #include "io/scene/rotor_math.h"
 
 namespace l4d::io {
@@ -107,12 +108,13 @@ void state_splatv_view(const nlohmann::json& cameras, Scene* scene) {
   const bool is_known = cameras.is_array() && read_camera(cameras[0], &first);
   const bool is_stated = is_known && state_view(first, middle_of(*scene), &scene->presentation);
   if (is_stated && count == 1) return;
-  const std::string all = std::to_string(count);
+  const std::string all = counted(count, "camera was", "cameras were");
   scene->notes.push_back(
-      is_stated  ? "Of " + all + " cameras the first became the first view; others were not read."
-      : is_known ? all + " cameras were not read: the first does not see the middle of the scene."
+      is_stated ? "Of " + std::to_string(count) +
+                      " cameras the first became the first view; others were not read."
+      : is_known ? all + " not read: the first does not see the middle of the scene."
                  : all +
-                       " cameras were not read: the first has no position, rotation, focal "
+                       " not read: the first has no position, rotation, focal "
                        "lengths and size.");
 }
 

@@ -8,6 +8,7 @@
 #include "io/ply/compressed_ply.h"
 #include "io/ply/read_ply.h"
 #include "io/ply/static_scene.h"
+#include "io/scene/counted.h"
 #include "libl4dcodec/scene/sh.h"
 
 namespace l4d::io {
@@ -219,8 +220,8 @@ Scene read_compressed_ply(PlyReader& reader, const ImportOptions& options) {
   Scene scene = static_scene(std::move(rows), "compressed_ply", options);
   read_placement(reader, scene);
   if (!packed.left.empty()) {
-    scene.notes.push_back(std::to_string(packed.left.size()) +
-                          " columns were not read: " + list_of_names(packed.left) + ".");
+    scene.notes.push_back(counted(packed.left.size(), "column was", "columns were") +
+                          " not read: " + list_of_names(packed.left) + ".");
   }
   return scene;
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "io/ply/read_ply.h"
+#include "io/scene/counted.h"
 #include "libl4dcodec/scene/slice.h"
 
 namespace l4d::io {
@@ -108,17 +109,19 @@ void note_approximations(const ErrorTally& motion, const ErrorTally& turning, do
   char text[240];
   if (motion.count > 0) {
     std::snprintf(text, sizeof(text),
-                  "%zu Gaussians move along curves; straight lines in their place are off by at "
+                  "%s along curves; straight lines in their place are off by at "
                   "most %.3g and on average %.3g scene units while visible.",
-                  motion.count, motion.max, motion.mean());
+                  counted(motion.count, "Gaussian moves", "Gaussians move").c_str(), motion.max,
+                  motion.mean());
     scene.notes.push_back(text);
   }
   if (turning.count > 0) {
     std::snprintf(text, sizeof(text),
-                  "%zu Gaussians turn; their orientation was frozen. It is off by at most %.3g "
+                  "%s; their orientation was frozen. It is off by at most %.3g "
                   "degrees, which displaces their surface by at most %.3g and on average %.3g "
                   "scene units while visible.",
-                  turning.count, largest_angle * 57.29577951308232, turning.max, turning.mean());
+                  counted(turning.count, "Gaussian turns", "Gaussians turn").c_str(),
+                  largest_angle * 57.29577951308232, turning.max, turning.mean());
     scene.notes.push_back(text);
   }
 }

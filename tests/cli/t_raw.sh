@@ -61,7 +61,7 @@ refused logits 4 "opacity of the metadata is 'linear'.*logit"
 refused count 4 "num_gaussians of the metadata is '1'"
 refused huge 4 'shape'
 expect_document 0 info more.safetensors
-expect_json out 'any("1 arrays were not read: labels." == n for n in d["notes"])'
+expect_json out 'any("1 array was not read: labels." == n for n in d["notes"])'
 expect 0 encode no_clock.safetensors --seconds 3 --preset lossless -o n.l4d
 expect_text err 'no timeline; 3 seconds'
 refused unit 5 'time_unit is not seconds'

@@ -144,7 +144,7 @@ TEST_F(SplatvTest, NumbersAtTheEndsOfTheirRange) {
   for (size_t i = 2; i < 6; ++i) EXPECT_TRUE(std::isnan(scene.log_scale[4 * i + 3])) << i;
   ASSERT_EQ(scene.notes.size(), 2U);
   EXPECT_EQ(scene.notes[0], "Gaussians with a scale below e^-16, which was raised to that: 1.");
-  EXPECT_EQ(scene.notes[1].rfind("1 Gaussians are never seen", 0), 0U);
+  EXPECT_EQ(scene.notes[1].rfind("1 Gaussian is never seen", 0), 0U);
   EXPECT_EQ(read(file_of("")).count(), 0U);
 }
 
@@ -180,7 +180,7 @@ TEST_F(SplatvTest, TheFirstCameraThatSeesTheSceneIsTheFirstView) {
     const Scene other = read(file_of(rows, "[" + camera + "]"));
     EXPECT_EQ(other.presentation.has_camera, 0U) << camera;
     ASSERT_EQ(other.notes.size(), 1U) << camera;
-    EXPECT_EQ(other.notes[0].rfind("1 cameras were not read: the first ", 0), 0U) << camera;
+    EXPECT_EQ(other.notes[0].rfind("1 camera was not read: the first ", 0), 0U) << camera;
   }
   EXPECT_TRUE(read(file_of(rows, "[]")).notes.empty());
 }
@@ -216,8 +216,8 @@ TEST_F(SplatvTest, ListsThatDoNotFitAreRefused) {
 
 TEST_F(SplatvTest, WhatIsNotReadIsNamed) {
   const std::string list = list_of(R"([{"type": "sound", "size": 3}, )" + entry(0, 0) + "]");
-  EXPECT_EQ(read(list + "abc").notes, std::vector<std::string>{"1 chunks were not read: sound."});
-  EXPECT_EQ(read(list + "abcd").notes.back(), "1 bytes behind the chunks were not read.");
+  EXPECT_EQ(read(list + "abc").notes, std::vector<std::string>{"1 chunk was not read: sound."});
+  EXPECT_EQ(read(list + "abcd").notes.back(), "1 byte behind the chunks was not read.");
 }
 
 TEST_F(SplatvTest, TruncationsAndChangedBytesDoNoHarm) {

@@ -81,7 +81,7 @@ TEST_F(StgTest, CurvesBecomeTheWeightedStraightLine) {
                         "at most %lf", &claimed),
             1);
   EXPECT_NEAR(claimed, largest, 0.06 * largest);  // samples lie a little inside of 4 sigma
-  EXPECT_NE(scene.notes[0].find("1 Gaussians"), std::string::npos);
+  EXPECT_NE(scene.notes[0].find("1 Gaussian moves"), std::string::npos);
 }
 
 // A Gaussian wider than the sequence is fitted where it can be seen, not over its infinite tails.
@@ -107,7 +107,7 @@ TEST_F(StgTest, TurningIsFrozenAndReported) {
                         "at most %lf", &degrees),
             1);
   EXPECT_NEAR(degrees, 2 * std::atan(0.2 * 0.4) * 57.29578, 0.2);
-  EXPECT_EQ(scene.notes[0].rfind("1 Gaussians turn", 0), 0U);
+  EXPECT_EQ(scene.notes[0].rfind("1 Gaussian turns", 0), 0U);
 }
 
 TEST_F(StgTest, FullModelsAreRefused) {
