@@ -141,10 +141,11 @@ void made_up_size(const std::string& size, uint32_t* width, uint32_t* height) {
   if (!size.empty()) parse_image_size(size, width, height);
 }
 
-io::CameraSet make_orbit(Context& context, const io::Scene& instant, uint32_t count,
+io::CameraSet make_orbit(Context& context, io::Scene instant, uint32_t count,
                          const std::string& size) {
   uint32_t width, height;
   made_up_size(size, &width, &height);
+  if (instant.has_found_view) instant.presentation.has_camera = 0;
   return io::orbit_cameras(instant, count, width, height, context.budget().holder());
 }
 

@@ -50,8 +50,9 @@ void parse_image_size(const std::string& text, uint32_t* width, uint32_t* height
 // Of images of cameras that no file has: --size, else 640x360.
 void made_up_size(const std::string& size, uint32_t* width, uint32_t* height);
 
-// An orbit around an instant; size as of --size.
-io::CameraSet make_orbit(Context& context, const io::Scene& instant, uint32_t count,
+// An orbit around an instant of a scene as its file states it, so that each verb makes the same;
+// size as of --size.
+io::CameraSet make_orbit(Context& context, io::Scene instant, uint32_t count,
                          const std::string& size);
 // Says what was assumed about cameras that are used.
 void note_cameras(Context& context, const io::CameraSet& set);

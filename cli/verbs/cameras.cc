@@ -85,8 +85,8 @@ io::CameraSet make_cameras(Context& context, const CamerasArguments& arguments) 
   io::CameraSet set;
   if (arguments.orbit > 0) {
     set = about(input.name(), [&] {
-      const io::Scene instant = eval::instant_of(scene, eval::middle_of(scene.timeline));
-      return make_orbit(context, instant, arguments.orbit, arguments.size);
+      return make_orbit(context, eval::instant_of(scene, eval::middle_of(scene.timeline)),
+                        arguments.orbit, arguments.size);
     });
     io::split_for_tests(set);
   } else {

@@ -151,6 +151,7 @@ io::Scene instant_of(const io::Scene& scene, double seconds) {
   instant.timeline = scene.timeline;
   instant.placement = scene.placement;
   instant.presentation = scene.presentation;
+  instant.has_found_view = scene.has_found_view;
   const uint32_t frame = frame_of_time(scene.timeline, seconds);
   for (size_t i = 0; i < scene.count(); ++i) {
     const Motion motion = motion_of(scene, i);

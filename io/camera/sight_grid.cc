@@ -10,8 +10,8 @@
 namespace l4d::io {
 namespace {
 
-constexpr size_t kCells = 60;  // a side of the grid
-constexpr double kReach = 2.5;  // radii: to where a ball is seen from that fills the image
+constexpr size_t kCells = 60;         // a side of the grid
+constexpr double kReach = 2.5;        // radii: to where a ball is seen from that fills the image
 constexpr double kConeCosine = 0.89;  // 27 degrees: what is well within the image
 constexpr double kDenseShare = 0.6;   // of the opacity in the ball of the subject
 

@@ -31,6 +31,8 @@ struct Scene : AttributeArrays {
   l4d_placement placement{{0, 0, 0}, 1, L4D_COORDINATES_UNKNOWN, L4D_COLOR_SRGB};
   l4d_rendering rendering = default_rendering();
   l4d_presentation presentation = default_presentation();
+  // Whether its first view was found in the scene, and stated by nobody.
+  bool has_found_view = false;
   // The format that was read, as docs/schema/encode.json lists them, or "synth".
   std::string source;
   // Approximations made on import, one sentence each, with their size. For people.

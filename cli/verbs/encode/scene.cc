@@ -14,6 +14,7 @@ void state_first_view(Context& context, const EncodeArguments& arguments,
                       const l4d_presentation* before, io::Scene* scene) {
   l4d_presentation& p = scene->presentation;
   if (arguments.no_first_view || p.has_camera != 0 || scene->count() == 0) return;
+  scene->has_found_view = true;
   if (before != nullptr && before->has_camera != 0) {
     io::copy_first_view(*before, &p);
     return;
