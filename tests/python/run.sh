@@ -36,7 +36,7 @@ if [[ $what == mypy ]]; then
   "$python" -m mypy --strict --cache-dir "$work" "$folder/l4dcodec" "$source"/tests/python/{conftest,test_*}.py \
     arrays.py
 elif [[ $what == blender ]]; then
-  "$tool" synth --scene cloud --seconds 2 --gaussians 1500 -o scene.ply
+  "$tool" synth --seconds 2 --gaussians 4000 -o scene.ply
   "$tool" encode scene.ply -o scene.l4d
   "$tool" encode scene.ply --preset lossless -o lossless.l4d
   mkdir frames
