@@ -42,7 +42,7 @@ elif [[ $what == blender ]]; then
   mkdir frames
   "$tool" slice scene.l4d --from 0 --to 0.2 --fps 30 -o frames/f_%02d.ply
   # Debian's Blender has the Python of the system. The add-on comes out of the file that people install.
-  blender -b --factory-startup --python-use-system-env --python-exit-code 1 \
+  PATH=/usr/bin:$PATH blender -b --factory-startup --python-use-system-env --python-exit-code 1 \
     --python "$source/tests/python/blender.py" -- "$folder/l4d_import.zip" "$work" | grep -v '^Fra:'
 else
   "$python" -m pytest -q -p no:cacheprovider --hypothesis-seed=2027 --rootdir "$source/tests/python" "$source/tests/python" "$@"
