@@ -127,12 +127,16 @@ std::vector<Folder::Entry> Folder::list(const std::string& name) const {
   return entries;
 }
 
-bool Folder::has_streams() const {
+bool Folder::may_have_streams() const {
+  // A home or a disk takes minutes to walk through.
+  constexpr size_t kMostEntries = 10000;
   // Links to folders within it are not followed: what they lead to is met anyway.
   std::error_code error;
+  size_t entries = 0;
   std::filesystem::recursive_directory_iterator at(
       path_, std::filesystem::directory_options::skip_permission_denied, error);
   for (; !error && at != std::filesystem::recursive_directory_iterator(); at.increment(error)) {
+    if (++entries > kMostEntries) return true;
     const std::string name = at->path().filename().string();
     if (name[0] == '.') {
       at.disable_recursion_pending();

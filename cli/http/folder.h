@@ -54,8 +54,9 @@ class Folder {
   // The streams (*.l4d), the playlists (*.m3u8) and the folders of a folder, by name. What cannot
   // be read is left out.
   std::vector<Entry> list(const std::string& name) const;
-  // Whether it lists a stream or a playlist, or a folder within it does.
-  bool has_streams() const;
+  // Whether it lists a stream or a playlist, or a folder within it does, or whether there is more
+  // in it than anybody waits for.
+  bool may_have_streams() const;
 
  private:
   std::filesystem::path find(const std::string& name) const;

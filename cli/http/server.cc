@@ -232,7 +232,7 @@ struct Server::Parts {
         "<!doctype html><html lang=en><meta charset=utf-8><title>l4dcodec</title>"
         "<link rel=icon href=\"data:,\"><ul>\n";
     const std::vector<Folder::Entry> entries = folder.list(name);
-    if (entries.empty() || (name.empty() && !folder.has_streams())) {
+    if (entries.empty() || (name.empty() && !folder.may_have_streams())) {
       text += "<li>There is no stream in this folder yet.\n";
     }
     for (const Folder::Entry& entry : entries) {

@@ -148,7 +148,7 @@ Outcome run_serve(Context& context, const ServeArguments& arguments) {
   }
   ServerOptions options;
   options.folder = arguments.input;
-  if (!Folder(arguments.input).has_streams()) {
+  if (!Folder(arguments.input).may_have_streams()) {
     context.note(arguments.input + ": the folder has no streams (.l4d) yet; `encode` makes them");
   }
   return run_server(context, arguments, options, "serve", false);
@@ -182,7 +182,7 @@ Outcome run_view(Context& context, const ServeArguments& arguments) {
       throw Failure(L4D_ERR_FEATURE_UNSUPPORTED,
                     arguments.input + ": a folder is shown by the player alone");
     }
-    if (!Folder(arguments.input).has_streams()) {
+    if (!Folder(arguments.input).may_have_streams()) {
       throw Failure(L4D_ERR_NOT_L4D, arguments.input +
                                          ": the folder has no streams (.l4d); `encode` makes one "
                                          "of frames");

@@ -188,7 +188,8 @@ class Reader {
     if (index == 0 || options_.match != SequenceMatch::kOrder || !uneven_.empty()) return;
     if (now.count() == before_.count()) return;
     uneven_ =
-        "Rows of one number are taken for one Gaussian, but the numbers of Gaussians differ, "
+        "Rows with one index are taken for one Gaussian, but frames have different numbers of "
+        "rows, "
         "first in " +
         options_.paths[index] + " (" + std::to_string(now.count()) + ", before it " +
         std::to_string(before_.count()) + "). Matching by content may take fewer Gaussians.";

@@ -176,7 +176,7 @@ expect 0 convert frames/f_000.ply other.spz
 expect 4 encode frames/f_000.ply other.spz -o x.l4d
 expect_text err 'other.spz: it differs from the frames before in coordinate system: .*these state nothing'
 expect 0 encode frames --match order --fps 30 -o order.l4d
-expect_text err 'the numbers of Gaussians differ, first in frames/f_'
+expect_text err 'frames have different numbers of rows, first in frames/f_'
 expect 0 encode 'ordered/f_1.*' --fps 1 -o one.l4d
 expect_text err 'note: 1 frame with '
 expect 0 info one.l4d

@@ -284,8 +284,8 @@ TEST_F(SequenceTest, OrderOfUnequalCountsIsNoted) {
   write_frame(2, splats_of(4));
   EXPECT_EQ(read(SequenceMatch::kOrder).notes,
             std::vector<std::string>{
-                "Rows of one number are taken for one Gaussian, but the numbers of Gaussians "
-                "differ, first in " +
+                "Rows with one index are taken for one Gaussian, but frames have different numbers "
+                "of rows, first in " +
                 paths_[1] + " (3, before it 4). Matching by content may take fewer Gaussians."});
   EXPECT_EQ(read(SequenceMatch::kContent).notes, std::vector<std::string>{});
 }

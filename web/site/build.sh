@@ -58,7 +58,7 @@ trained() {
   card "$1" "$3" "$4" "$ours"
 }
 trained railway railway "A toy railway, trained from images" \
-  "A script models it in Blender, 14 cameras see it, and less than 3 minutes of training on a processor make the scene."
+  "A script models it in Blender, 14 cameras see it, and 5,000 steps of training on a processor make the scene."
 trained trained demo-train "The square, trained from images" "What 100 seconds of training on a processor make of 15 cameras."
 if [[ -e $data/statues/angel.ply && -e $data/statues/trumpet.ply ]]; then
   cp "$root/web/site/statues-licence.txt" "$out"
