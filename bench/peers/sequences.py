@@ -4,9 +4,11 @@
 
 usage: sequences.py L4DCODEC FOLDER [--scene NAME]
 
-Case b: each frame has all Gaussians of the scene, in one order. Case c: each frame is what
-`slice` writes, where Gaussians that are not visible are absent. Fidelity is that of renders
-against the 4D scene at the times of frames.
+Case a: each frame is what `slice` writes, in another order each time, so that no row tells what it
+goes on from. Case b: each frame has all Gaussians of the scene, in one order. Case c: each frame is
+what `slice` writes, where Gaussians that are not visible are absent. Still: the first of these again
+and again, beside it alone. Fidelity is that of renders against the 4D scene at the times of frames,
+or against the frame.
 Prints a table in Markdown.
 """
 
@@ -140,6 +142,33 @@ def write_all_frames(tool, scene, folder, frames, fps):
         (folder / f"b_{k:04d}.ply").write_bytes(header.encode() + table.tobytes())
 
 
+def shuffled(source, target, seed):
+    """The same frame, its rows in a random order."""
+    data = source.read_bytes()
+    at = data.index(b"end_header\n") + len(b"end_header\n")
+    count = next(int(line.split()[2]) for line in data[:at].decode().splitlines() if line.startswith("element vertex"))
+    rows = numpy.frombuffer(data[at:], numpy.uint8).reshape(count, -1)
+    target.write_bytes(data[:at] + numpy.random.default_rng(seed).permutation(rows).tobytes())
+
+
+def write_frames(case, tool, scene, folder, count):
+    """The files of a case: [count] paths."""
+    for old in folder.glob(f"{case}_*.ply"):
+        old.unlink()
+    if case == "b":
+        write_all_frames(tool, scene, folder, range(count), 30)
+    elif case == "c":
+        run(tool, "slice", scene, "--from", 0, "--to", count / 30, "--fps", 30, "-o", folder / "c_%04d.ply")
+    elif case == "a":
+        for k, frame in enumerate(sorted(folder.glob("c_*.ply"))):
+            shuffled(frame, folder / f"a_{k:04d}.ply", k)
+    else:
+        first = (folder / "c_0000.ply").read_bytes()
+        for k in range(count):
+            (folder / f"still_{k:04d}.ply").write_bytes(first)
+    return sorted(folder.glob(f"{case}_*.ply"))
+
+
 def zipped(paths):
     """Bytes of the files, each compressed as in a ZIP archive."""
     return sum(len(zlib.compress(p.read_bytes(), 6)) for p in paths)
@@ -213,19 +242,18 @@ def main(arguments):
         folder = options.folder
         direct = encoded(options.tool, scene, scene, folder / "direct.l4d", judges, None)
         print(row(f"{name}: the 4D scene", direct, direct["bytes"], "- | - | -"), flush=True)
-        for case in ("b", "c"):
-            for old in folder.glob(f"{case}_*.ply"):
-                old.unlink()
-            if case == "b":
-                write_all_frames(options.tool, scene, folder, range(count), 30)
-            else:
-                run(options.tool, "slice", scene, "--from", 0, "--to", count / 30, "--fps", 30,
-                    "-o", folder / "c_%04d.ply")
-            frames = sorted(folder.glob(f"{case}_*.ply"))
+        for case in ("b", "c", "a"):
+            frames = write_frames(case, options.tool, scene, folder, count)
             made = encoded(options.tool, scene, folder / f"{case}_%04d.ply", folder / f"{case}.l4d",
                            judges, direct["fidelity"])
             print(row(f"{name}: frames, case {case}", made, direct["bytes"],
                       archives(options.tool, frames)), flush=True)
+        frame, still = folder / "c_0000.ply", folder / "still.l4d"
+        alone = encoded(options.tool, frame, frame, still, judges[:-2], None)
+        print(row(f"{name}: one frame", alone, alone["bytes"], "- | - | -"), flush=True)
+        frames = write_frames("still", options.tool, scene, folder, count)
+        made = encoded(options.tool, frame, folder / "still_%04d.ply", still, judges[:-2], alone["fidelity"])
+        print(row(f"{name}: it, {count} times", made, alone["bytes"], archives(options.tool, frames)), flush=True)
     return 0
 
 
