@@ -52,6 +52,12 @@ __device__ RowSpan span_of(const BlockSplats& block, const FrameInput& input, ui
   return {k, row, span.begin, max(span.end - span.begin, 0)};
 }
 
+// Width, first column and splat: up to 1024 columns and 256 splats.
+__device__ uint32_t packed(const RowSpan& span) {
+  return static_cast<uint32_t>(span.width) << 18 | static_cast<uint32_t>(span.begin) << 8 |
+         span.splat;
+}
+
 __global__ void __launch_bounds__(kThreads)
     emit(FrameInput input, const uint32_t* order, FrameMemory memory) {
   await_predecessor();
@@ -63,11 +69,12 @@ __global__ void __launch_bounds__(kThreads)
   __shared__ uint32_t base;
   FrameCounts* counts = memory.counts;
   const uint32_t n = counts->projected, t = threadIdx.x;
-  if (blockIdx.x * kThreads >= n) return;
+  const EmitPieces pieces(n);
+  if (pieces.first(blockIdx.x) >= n) return;
   const uint32_t piece = take_ticket(&counts->emit_ticket);
-  const uint32_t rank = piece * kThreads + t;
+  const uint32_t rank = pieces.first(piece) + t, end = min(n, pieces.first(piece + 1));
   uint32_t own_rows = 0;
-  if (rank < n) {
+  if (rank < end) {
     const uint32_t index = order[rank];
     const float4* words = reinterpret_cast<const float4*>(memory.splats + index);
     const float4 a = words[0], b = words[1];
@@ -99,17 +106,15 @@ __global__ void __launch_bounds__(kThreads)
         total + block_sum_before<kThreads>(static_cast<uint32_t>(span.width), &here);
     total += here;
     if (item < kKeptRows) {
-      // Up to 1024 columns and 256 splats.
       kept_place[item] = place;
-      kept_span[item] = static_cast<uint32_t>(span.width) << 18 |
-                        static_cast<uint32_t>(span.begin) << 8 | span.splat;
+      kept_span[item] = packed(span);
     }
   }
   if (t < 32) {
     const uint32_t sum = sum_before(memory.emit_states, piece, total);
     if (t == 0) {
       base = sum;
-      if ((piece + 1) * kThreads >= n) {
+      if (end == n) {
         const uint32_t all = sum + min(total, kMostCounted);
         counts->instances = min(all, memory.max_instances);
         counts->wanted = all;
@@ -118,46 +123,55 @@ __global__ void __launch_bounds__(kThreads)
   }
   __syncthreads();
 
+  // An instance of a row of a splat.
+  const auto put = [&](uint32_t at, uint32_t tile, uint32_t splat) {
+    if (at >= memory.max_instances) return;
+    memory.tile_keys[0][at] = tile;
+    count_digits(input.tile_digits, tile, digits);
+    memory.tile_values[0][at] = input.backward ? at : splat;
+    if (input.backward) memory.splat_of[at] = splat;
+  };
   for (uint32_t turn = 0; turn < num_rows; turn += kThreads) {
-    const uint32_t item = turn + t;
-    RowSpan span{};
-    uint32_t place = 0;
-    if (turn < kKeptRows) {
-      if (item < num_rows) {
-        const uint32_t kept = kept_span[item];
-        place = kept_place[item];
-        span.splat = kept & 255;
-        span.begin = static_cast<int>(kept >> 8 & 1023);
-        span.width = static_cast<int>(kept >> 18);
-        span.row = block.box[span.splat].x + static_cast<int>(item - block.row_sum[span.splat]);
-      }
-    } else {
+    const uint32_t item = turn + t, slot = item % kKeptRows;
+    if (turn >= kKeptRows) {
+      RowSpan span{};
       if (item < num_rows) span = span_of(block, input, item);
       uint32_t here;
-      place = kept_total + block_sum_before<kThreads>(static_cast<uint32_t>(span.width), &here);
+      const uint32_t place =
+          kept_total + block_sum_before<kThreads>(static_cast<uint32_t>(span.width), &here);
       kept_total += here;
+      kept_place[slot] = place;
+      kept_span[slot] = packed(span);
     }
-    if (item >= num_rows) continue;
-    if (input.backward) {
-      if (item == block.row_sum[span.splat]) first_of[span.splat] = place;
-      if (item + 1 == block.row_sum[span.splat + 1]) {
-        end_of[span.splat] = place + static_cast<uint32_t>(span.width);
+    const auto splat_of = [&](uint32_t kept) { return kept & 255; };
+    const auto tile_of = [&](uint32_t kept, uint32_t its_item) {
+      const uint32_t k = splat_of(kept);
+      const uint32_t row = block.box[k].x + (its_item - block.row_sum[k]);
+      return row * static_cast<uint32_t>(input.columns) + (kept >> 8 & 1023);
+    };
+    if (input.backward && item < num_rows) {
+      const uint32_t k = splat_of(kept_span[slot]), width = kept_span[slot] >> 18;
+      if (item == block.row_sum[k]) first_of[k] = kept_place[slot];
+      if (item + 1 == block.row_sum[k + 1]) end_of[k] = kept_place[slot] + width;
+    }
+    __syncthreads();
+    // Shared out by instances, as a row may have one or hundreds.
+    const uint32_t begin = slot - t, rows = min(num_rows - turn, uint32_t{kThreads});
+    const uint32_t last = begin + rows - 1, after = kept_place[last] + (kept_span[last] >> 18);
+    for (uint32_t place = kept_place[begin] + t; place < after; place += kThreads) {
+      uint32_t row = begin;  // the last that begins there or before
+#pragma unroll
+      for (uint32_t step = kThreads / 2; step > 0; step /= 2) {
+        if (row + step <= last && kept_place[row + step] <= place) row += step;
       }
-    }
-    const uint32_t splat = block.index[span.splat];
-    const uint32_t tile = static_cast<uint32_t>(span.row * input.columns + span.begin);
-    const uint32_t from = base + place;
-    for (uint32_t k = 0; k < static_cast<uint32_t>(span.width); ++k) {
-      if (from + k >= memory.max_instances) break;
-      memory.tile_keys[0][from + k] = tile + k;
-      count_digits(input.tile_digits, tile + k, digits);
-      memory.tile_values[0][from + k] = input.backward ? from + k : splat;
-      if (input.backward) memory.splat_of[from + k] = splat;
+      const uint32_t kept = kept_span[row];
+      const uint32_t tile = tile_of(kept, turn + row - begin) + place - kept_place[row];
+      put(base + place, tile, block.index[splat_of(kept)]);
     }
   }
   __syncthreads();
   add_digits<kThreads>(input.tile_digits, digits, memory.tile_histograms);
-  if (input.backward && rank < n) {
+  if (input.backward && rank < end) {
     memory.first_instance[block.index[t]] = base + first_of[t];
     memory.num_tiles[block.index[t]] = end_of[t] - first_of[t];
   }
@@ -225,8 +239,7 @@ __global__ void __launch_bounds__(kThreads)
 
 void launch_emit(const FrameInput& input, const uint32_t* order, const FrameMemory& memory,
                  cudaStream_t stream) {
-  const unsigned grid = (memory.max_visible + kThreads - 1) / kThreads;
-  launch(emit, grid, kThreads, stream, input, order, memory);
+  launch(emit, EmitPieces::most(memory.max_visible), kThreads, stream, input, order, memory);
 }
 
 void launch_ranges(const FrameInput& input, const uint32_t* tiles, const FrameMemory& memory,

@@ -63,7 +63,7 @@ void DeviceFrame::cut_control(void* base, size_t tiles, const FrameCapacity& cap
   ArenaLayout arena(base);
   memory_.counts = arena.take<FrameCounts>(1);
   memory_.project_states = arena.take<uint32_t>(pieces(capacity.visible, project_piece(false)));
-  memory_.emit_states = arena.take<uint32_t>(pieces(capacity.visible, kEmitPiece));
+  memory_.emit_states = arena.take<uint32_t>(EmitPieces::most(capacity.visible));
   memory_.depth_states = arena.take<uint32_t>(sort_state_words(capacity.visible, kDepthBits));
   memory_.tile_states = arena.take<uint32_t>(
       sort_state_words(capacity.instances, tile_bits(static_cast<int>(tiles))));

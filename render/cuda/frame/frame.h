@@ -11,7 +11,29 @@ namespace l4d::render {
 // Visible rows of a block, in the kernels that go through them in order. Of large blocks fewer wait
 // for each other in turn, but with SH in binary32 two of them do not fit beside each other.
 constexpr int project_piece(bool half_sh) { return half_sh ? 512 : 256; }
-constexpr int kEmitPiece = 256;
+constexpr uint32_t kEmitPiece = 256;
+
+// Splats front to back, in the pieces that blocks emit. The nearest are the largest, as a rule, and
+// a frame of few has large ones and blocks to spare: pieces of 32 there.
+class EmitPieces {
+ public:
+  // splats: of the frame.
+  L4D_HOST_DEVICE constexpr explicit EmitPieces(uint32_t splats) {
+    while (length_ < kEmitPiece && splats / length_ >= kFew) length_ *= 2;
+  }
+  L4D_HOST_DEVICE constexpr uint32_t first(uint32_t piece) const {
+    return piece < kNear ? piece * 32 : kNear * 32 + (piece - kNear) * length_;
+  }
+  // Of a frame of so many splats or fewer.
+  static constexpr uint32_t most(uint32_t splats) {
+    const uint32_t long_ones = splats / kEmitPiece, short_ones = splats / 32;
+    return kNear + 1 + (long_ones > kFew ? long_ones : short_ones < kFew ? short_ones : kFew);
+  }
+
+ private:
+  static constexpr uint32_t kNear = 128, kFew = 4096;
+  uint32_t length_ = 32;
+};
 
 // Device memory of a frame.
 struct FrameMemory {
