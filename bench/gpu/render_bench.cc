@@ -3,17 +3,18 @@
 // importances, by the device's own clock. Beside them: what the bytes of each stage take at the
 // copy rate of the device.
 //
-//   gpu_render_bench [forward] [gaussians | scene ...]
+//   gpu_render_bench [forward] [WIDTHxHEIGHT] [gaussians | scene ...]
 //
 // Numbers are sizes of the synthetic scene, 620000 and 1240000 unless anything is given; others are
-// files, of which importances are measured from all cameras of a cameras.json beside them. forward:
-// nothing but forward rendering from binary16.
+// files. Cameras are those of a cameras.json beside the file, or an orbit of 8. Images have
+// 1352x1014 pixels unless a size is given. forward: nothing but forward rendering from binary16.
 #include <cuda_runtime_api.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <memory>
 #include <string>
 #include <vector>
@@ -31,8 +32,24 @@ namespace {
 using namespace l4d;
 using namespace l4d::bench;
 
-constexpr uint32_t kWidth = 1352, kHeight = 1014;
 constexpr int kRuns = 300;
+
+struct Size {
+  uint32_t width = 1352, height = 1014;
+  size_t pixels() const { return size_t{width} * height; }
+};
+
+// The same view on another number of pixels.
+l4d_camera with_size(l4d_camera c, Size size) {
+  const double x = double{1} * size.width / c.width, y = double{1} * size.height / c.height;
+  c.width = size.width;
+  c.height = size.height;
+  c.fx *= y;
+  c.fy *= y;
+  c.cx *= x;
+  c.cy *= y;
+  return c;
+}
 
 // Bytes read and written per second by a large copy.
 double copy_rate() {
@@ -51,9 +68,11 @@ struct Bench {
   Array<float> position, mean_t, log_scale, rotor, opacity, sh;
   Array<uint32_t> window;
   l4d_gaussians device;
+  Size size;
   double rate;
 
-  Bench(io::Scene&& s, double copy)
+  // views: of the scene; none: an orbit.
+  Bench(io::Scene&& s, const std::vector<io::Camera>& views, Size pixels, double copy)
       : scene(std::move(s)),
         position(scene.position),
         mean_t(scene.mean_t),
@@ -63,9 +82,11 @@ struct Bench {
         sh(scene.sh),
         window(scene.window.empty() ? std::vector<uint32_t>(2) : scene.window),
         device(scene.view()),
+        size(pixels),
         rate(copy) {
-    for (const io::Camera& c : io::orbit_cameras(scene, 8, kWidth, kHeight).cameras) {
-      cameras.push_back(c.camera);
+    const auto orbit = io::orbit_cameras(scene, 8, size.width, size.height);
+    for (const io::Camera& c : views.empty() ? orbit.cameras : views) {
+      cameras.push_back(with_size(c.camera, size));
     }
     device.position = position.get();
     device.mean_t = mean_t.get();
@@ -99,7 +120,7 @@ void stages(const Bench& bench, l4d_cuda_renderer* r, const l4d_cuda_image& imag
     projected += static_cast<double>(f.projected) / kFrames;
     instances += static_cast<double>(f.instances) / kFrames;
   }
-  const double pixels = double{kWidth} * kHeight;
+  const double pixels = static_cast<double>(bench.size.pixels());
   const double row = 64 + (half ? 96 : 192);
   // What must move at least: attributes in, splats out; pairs of key and value through the sorts;
   // splats to tiles; pixels out.
@@ -155,8 +176,8 @@ Renderer make_renderer(const Bench& bench, uint32_t format, bool timed) {
   if (l4d_cuda_renderer_create(&options, &r) != L4D_OK) std::exit(1);
   must(l4d_cuda_renderer_set_gaussians(r, &bench.device, &bench.scene.timeline));
   l4d_cuda_frame_capacity capacity = L4D_INIT(l4d_cuda_frame_capacity);
-  capacity.width = kWidth;
-  capacity.height = kHeight;
+  capacity.width = bench.size.width;
+  capacity.height = bench.size.height;
   capacity.visible = bench.scene.count();
   capacity.instances = 6 * bench.scene.count();
   must(l4d_cuda_renderer_reserve(r, &capacity));
@@ -168,16 +189,16 @@ void forward(const Bench& bench, uint32_t format) {
   l4d_cuda_renderer* r = renderer.get();
   cudaStream_t stream;
   check(cudaStreamCreate(&stream));
-  const Array<float> rgb(3 * size_t{kWidth} * kHeight);
-  const Array<uint32_t> rgba8(size_t{kWidth} * kHeight);
+  const Array<float> rgb(3 * bench.size.pixels());
+  const Array<uint32_t> rgba8(bench.size.pixels());
   l4d_cuda_image image = L4D_INIT(l4d_cuda_image);
   image.rgb = rgb.get();
   const bool half = format == L4D_CUDA_SH_FLOAT16;
   const auto frame = [&](int k) {
     must(l4d_cuda_renderer_render(r, bench.time_of(k), &bench.camera_of(k), &image, stream));
   };
-  std::printf("\n## %zu Gaussians, SH in %s\n", bench.scene.count(),
-              half ? "binary16" : "binary32");
+  std::printf("\n## %zu Gaussians, %ux%u, SH in %s\n", bench.scene.count(), bench.size.width,
+              bench.size.height, half ? "binary16" : "binary32");
   print("forward, another instant each", time_runs(kRuns, stream, frame));
   print("forward, one instant", time_runs(kRuns, stream, [&](int k) {
           must(l4d_cuda_renderer_render(r, 1.0, &bench.camera_of(k), &image, stream));
@@ -193,8 +214,7 @@ void forward(const Bench& bench, uint32_t format) {
   cudaStreamDestroy(stream);
 }
 
-void sensitivity(const Bench& bench, const std::vector<l4d_camera>& cameras, int instants,
-                 const char* name) {
+void sensitivity(const Bench& bench, const std::vector<l4d_camera>& cameras, int instants) {
   l4d_renderer_options options = L4D_INIT(l4d_renderer_options);
   options.backend = L4D_BACKEND_CUDA;
   RendererHandle renderer(&options);
@@ -221,8 +241,9 @@ void sensitivity(const Bench& bench, const std::vector<l4d_camera>& cameras, int
       const double s =
           std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
       std::printf(
-          "%s, %s: %d views in %.2f s, %.3f ms a view; 21,600 views %.1f s, 4,050 views %.2f s\n",
-          name,
+          "%ux%u, %s: %d views in %.2f s, %.3f ms a view; 21,600 views %.1f s, 4,050 views %.2f "
+          "s\n",
+          cameras[0].width, cameras[0].height,
           visibility_only                 ? "visibility only"
           : metric == L4D_SENSITIVITY_SUM ? "SUM"
                                           : "GAUSS_NEWTON",
@@ -242,40 +263,42 @@ int main(int argc, char** argv) {
   const double rate = copy_rate();
   std::printf("device copy %.2f TB/s\n", 1e-12 * rate);
   std::vector<std::string> scenes;
+  Size size;
   bool all = true;
   for (int k = 1; k < argc; ++k) {
     const std::string word = argv[k];
-    all = all && word != "forward";
-    if (word != "forward") scenes.push_back(word);
+    Size given;
+    if (word == "forward") {
+      all = false;
+    } else if (std::sscanf(argv[k], "%ux%u", &given.width, &given.height) == 2) {
+      size = given;
+    } else {
+      scenes.push_back(word);
+    }
   }
   if (scenes.empty()) scenes = {"620000", "1240000"};
   for (const std::string& name : scenes) {
     io::SynthOptions options;
     options.gaussians = std::strtoull(name.c_str(), nullptr, 0);
-    const Bench bench(options.gaussians > 0 ? io::synthesize(options) : io::read_scene_ply(name),
-                      rate);
+    const bool made = options.gaussians > 0;
+    const std::string beside = name.substr(0, name.rfind('/') + 1) + "cameras.json";
+    std::vector<io::Camera> views;
+    if (!made && std::ifstream(beside).good()) views = io::read_cameras(beside).cameras;
+    const Bench bench(made ? io::synthesize(options) : io::read_scene_ply(name), views, size, rate);
     forward(bench, L4D_CUDA_SH_FLOAT16);
     if (!all) continue;
     forward(bench, L4D_CUDA_SH_FLOAT32);
     std::puts("");
-    if (options.gaussians == 0) {
-      const std::string set = name.substr(0, name.rfind('/') + 1) + "cameras.json";
+    if (views.empty()) {
+      sensitivity(bench, bench.cameras, 20);
+      std::vector<l4d_camera> small;
+      for (const l4d_camera& c : bench.cameras) small.push_back(with_size(c, {640, 360}));
+      sensitivity(bench, small, 20);
+    } else {
       std::vector<l4d_camera> own;
-      for (const io::Camera& c : io::read_cameras(set).cameras) own.push_back(c.camera);
-      const std::string size = std::to_string(own[0].width) + "x" + std::to_string(own[0].height);
-      sensitivity(bench, own, 30, size.c_str());
-      continue;
+      for (const io::Camera& c : views) own.push_back(c.camera);
+      sensitivity(bench, own, 30);
     }
-    sensitivity(bench, bench.cameras, 20, "1352x1014");
-    std::vector<l4d_camera> small = bench.cameras;
-    for (l4d_camera& c : small) {
-      c.width = 640;
-      c.height = 360;
-      c.fx = c.fy = c.fx * 360.0 / kHeight;
-      c.cx = 320;
-      c.cy = 180;
-    }
-    sensitivity(bench, small, 20, "640x360");
   }
   return 0;
 }
