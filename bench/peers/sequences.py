@@ -26,7 +26,7 @@ import numpy
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DATA = pathlib.Path(os.environ.get("L4D_DATA_DIR", ROOT.parent / "shared" / "data"))
 # Rounds to the fidelity of the stream of the 4D scene.
-QUALITIES = (None, 50, 54, 58, 62)
+QUALITIES = (None, 45, 46, 48, 50, 54, 58, 62)
 
 
 def run(*command):
