@@ -11,6 +11,7 @@
 #include <filesystem>
 
 #include "cli/command/progress.h"
+#include "cli/input/sequence.h"
 #include "io/file/output_name.h"
 #include "io/formats/scene_file.h"
 
@@ -162,7 +163,23 @@ void check_extension(const std::string& name, const char* option,
   if (!odds.empty()) throw usage_error(std::string(option) + ": " + odds);
 }
 
-std::string derived_name(const std::string& input, const std::string& extension) {
+void check_one_file(const std::string& name, const char* option,
+                    const std::vector<std::string>& written, bool strict) {
+  if (NumberedName::parse(name)) {
+    throw usage_error(
+        std::string(option) + ": '" + name +
+        "' names a sequence, and this is one file; `slice` and `convert` write a file "
+        "for each frame");
+  }
+  check_extension(name, option, written, strict);
+}
+
+std::string output_name(const std::string& given, const std::string& input,
+                        const std::string& extension) {
+  if (!given.empty()) {
+    check_one_file(given, "--output", {fs::path("x" + extension).extension().string()});
+    return given;
+  }
   if (input == "-") throw usage_error("input '-' needs --output");
   return fs::path(input).replace_extension(extension).string();
 }

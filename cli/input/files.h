@@ -71,9 +71,14 @@ class Output {
 // as ".ply". Other names than those of kinds that are known are left to the user, unless `strict`.
 void check_extension(const std::string& name, const char* option,
                      const std::vector<std::string>& written, bool strict = false);
+// The same, and where the name is that of a sequence (NumberedName), as it is to be one file.
+void check_one_file(const std::string& name, const char* option,
+                    const std::vector<std::string>& written, bool strict = false);
 
-// The input's name with another extension, in the same folder.
-std::string derived_name(const std::string& input, const std::string& extension);
+// The name of the file that a verb writes, checked: as given, else the input's with `extension`, in
+// the same folder, whatever else is in the name.
+std::string output_name(const std::string& given, const std::string& input,
+                        const std::string& extension);
 
 // Random access to a file for the functions of the library that take a reader. Reads fail after
 // SIGINT: that is how a call without a progress callback is cancelled.

@@ -28,12 +28,6 @@ void NumberedName::refuse(const std::string& name) {
   throw usage_error("--time is one instant, and '" + name + "' the name of a sequence");
 }
 
-void NumberedName::refuse_for(const std::string& verb, const std::string& name) {
-  if (!parse(name)) return;
-  throw usage_error("--output: '" + name + "' names a sequence, and " + verb +
-                    " writes one file; `slice` and `convert` write a file for each frame");
-}
-
 NumberedName::NumberedName(const std::string& pattern, const std::string& example) {
   std::string* part = &before_;
   size_t fields = 0;

@@ -24,8 +24,6 @@ class NumberedName {
   std::string digits_in(const std::string& name) const;
   // Usage error where `name` is such a pattern, since it is to name one file.
   static void refuse(const std::string& name);
-  // The same for the output of a verb that writes one file.
-  static void refuse_for(const std::string& verb, const std::string& name);
 
  private:
   std::string before_, after_;

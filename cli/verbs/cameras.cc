@@ -122,7 +122,7 @@ void note_left_out(Context& context, const io::CameraSet& set) {
 
 Outcome run_cameras(Context& context, const CamerasArguments& arguments) {
   check(arguments);
-  check_extension(arguments.output, "--output", {".json"});
+  check_one_file(arguments.output, "--output", {".json"});
   if (!arguments.input.empty()) context.files.add_input(arguments.input, kTheInput);
   io::CameraSet set;
   if (!arguments.from.empty()) {

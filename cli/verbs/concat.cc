@@ -121,7 +121,7 @@ class Chain {
 Outcome run_concat(Context& context, const ConcatArguments& arguments) {
   std::vector<Input> inputs;
   for (const std::string& name : arguments.inputs) inputs.emplace_back(context, name);
-  check_extension(arguments.output, "--output", {".l4d"});
+  check_one_file(arguments.output, "--output", {".l4d"});
   const double given = arguments.begin.empty() ? 0 : parse_seconds(arguments.begin, "--begin");
   Output output(context, arguments.output);
   Progress progress(context, "concat");

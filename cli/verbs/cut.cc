@@ -155,7 +155,7 @@ Cut cut_file(const Context& context, const std::string& name, const MemberFile& 
 Outcome run_cut(Context& context, const CutArguments& arguments) {
   const Span span = parse_span(arguments);
   const Input input(context, arguments.input);
-  check_extension(arguments.output, "--output", {".l4d"});
+  check_one_file(arguments.output, "--output", {".l4d"});
   Output output(context, arguments.output);
   Progress progress(context, "cut");
   progress.step("copying");

@@ -78,7 +78,6 @@ l4d_query make_query(Context& context, const DecodeArguments& arguments,
 // Usage errors that need no file.
 void check(const DecodeArguments& arguments) {
   if (!arguments.time.empty()) parse_seconds(arguments.time, "--time");
-  NumberedName::refuse_for("decode", arguments.output);
   check_order(arguments.from, arguments.to, true);
   if (arguments.packed && !arguments.wants_arrays()) {
     throw usage_error("--packed needs --digest or --format raw");
@@ -93,11 +92,8 @@ void check(const DecodeArguments& arguments) {
 Outcome run_arrays(Context& context, const DecodeArguments& arguments) {
   const Stopwatch watch;
   const bool writes = arguments.format == "raw";
-  const std::string name = !writes ? ""
-                           : !arguments.output.empty()
-                               ? arguments.output
-                               : derived_name(arguments.input, kRawExtension);
-  if (writes) check_extension(name, "--output", {kRawExtension});
+  const std::string name =
+      writes ? output_name(arguments.output, arguments.input, kRawExtension) : "";
   arguments.import.check();
   context.files.add_input(arguments.input, kTheInput);
   const std::unique_ptr<Output> output(writes ? new Output(context, name) : nullptr);
@@ -160,11 +156,10 @@ Outcome run_decode(Context& context, const DecodeArguments& arguments) {
   check(arguments);
   if (arguments.wants_arrays()) return run_arrays(context, arguments);
   const std::string target = format_of_scene(arguments);
-  const std::string name = !arguments.output.empty() ? arguments.output
-                           : target == "ftgs"        ? derived_name(arguments.input, ".ftgs.ply")
-                           : target == "4dgs" ? derived_name(arguments.input, kBirthsExtension)
-                                              : derived_name(arguments.input, ".ply");
-  check_extension(name, "--output", {target == "4dgs" ? kBirthsExtension : ".ply"});
+  const std::string name = output_name(arguments.output, arguments.input,
+                                       target == "ftgs"   ? ".ftgs.ply"
+                                       : target == "4dgs" ? kBirthsExtension
+                                                          : ".ply");
   arguments.import.check();
   context.files.add_input(arguments.input, kTheInput);
   Output output(context, name);

@@ -20,7 +20,7 @@ struct ManifestArguments {
 
 Outcome run_manifest(Context& context, const ManifestArguments& arguments) {
   const Input input(context, arguments.input);
-  check_extension(arguments.output, "--output", {".m3u8"});
+  check_one_file(arguments.output, "--output", {".m3u8"});
   if (arguments.url.empty() && arguments.input == "-") {
     throw usage_error("--url is needed where the input is stdin");
   }

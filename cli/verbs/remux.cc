@@ -19,7 +19,7 @@ struct RemuxArguments {
 
 Outcome run_remux(Context& context, const RemuxArguments& arguments) {
   const Input input(context, arguments.input);
-  check_extension(arguments.output, "--output", {".l4d"});
+  check_one_file(arguments.output, "--output", {".l4d"});
   Output output(context, arguments.output);
   Progress progress(context, "remux");
   const MemberFile file(context, input);

@@ -133,7 +133,7 @@ Repaired copy_members(Context& context, const std::string& name, const MemberFil
 
 Outcome run_repair(Context& context, const RepairArguments& arguments) {
   const Input input(context, arguments.input);
-  check_extension(arguments.output, "--output", {".l4d"});
+  check_one_file(arguments.output, "--output", {".l4d"});
   Output output(context, arguments.output);
   const std::unique_ptr<MemberFile> found = find_members(context, input);
   const MemberFile& file = *found;

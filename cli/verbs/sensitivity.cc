@@ -44,7 +44,7 @@ Outcome run_sensitivity(Context& context, const SensitivityArguments& arguments)
   if (!arguments.cameras.given()) throw usage_error("sensitivity needs --cameras or --orbit");
   arguments.cameras.check();
   arguments.measure.check();  // a wrong one should not cost the time of reading
-  check_extension(arguments.output, "--output", {".ply"});
+  check_one_file(arguments.output, "--output", {".ply"});
   arguments.import.check();
   context.files.add_input(arguments.input, kTheInput);
   arguments.cameras.load(context);

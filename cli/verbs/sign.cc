@@ -23,7 +23,7 @@ Outcome run_sign(Context& context, const SignArguments& arguments) {
   require_signatures("sign");
   context.files.add_input(arguments.key, "--key");
   const Input input(context, arguments.input);
-  check_extension(arguments.output, "--output", {".l4d"});
+  check_one_file(arguments.output, "--output", {".l4d"});
   Output output(context, arguments.output);
   if (output.is_special()) throw usage_error("--output must be a file or '-'");
   const PublicKey key = sign_file(input.path(), read_secret_key(arguments.key), output.path());

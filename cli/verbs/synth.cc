@@ -10,7 +10,6 @@
 #include "cli/command/values.h"
 #include "cli/input/files.h"
 #include "cli/input/scene_source.h"
-#include "cli/input/sequence.h"
 #include "cli/text/units.h"
 #include "cli/verbs/verbs.h"
 #include "io/ply/scene_ply.h"
@@ -73,8 +72,7 @@ Outcome run_synth(Context& context, const SynthArguments& arguments) {
   if (!place && !arguments.cameras_out.empty()) {
     throw usage_error("--cameras-out: --scene cloud has none");
   }
-  NumberedName::refuse_for("synth", arguments.output);
-  check_extension(arguments.output, "--output", {".ply"});
+  check_one_file(arguments.output, "--output", {".ply"});
   Output output(context, arguments.output);
   std::unique_ptr<Output> cameras;
   if (!arguments.cameras_out.empty()) {

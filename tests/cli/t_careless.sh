@@ -110,11 +110,12 @@ refused 'any-path' compare s.ply s.l4d --any-path
 refused 'is one instant' slice s.l4d --time 1 -o x_%d.ply
 refused 'is one instant' render s.l4d --time 1 -o x_%04d.png
 for ending in ply 4dgs safetensors; do
-  refused "'x_%04d.$ending' names a sequence, and decode writes one file; .slice. and .convert. write a file for each frame" \
+  refused "'x_%04d.$ending' names a sequence, and this is one file; .slice. and .convert. write a file for each frame" \
     decode s.l4d --format "$([ $ending = safetensors ] && echo raw || echo l4d)" -o x_%04d.$ending
 done
-refused "names a sequence, and encode writes one file" encode s.ply -o x_%d.l4d
-refused "names a sequence, and synth writes one file" synth -n 10 -o x_%d.ply
+refused "names a sequence, and this is one file" encode s.ply -o x_%d.l4d
+refused "names a sequence, and this is one file" synth -n 10 -o x_%d.ply
+refused "names a sequence, and this is one file" cut s.l4d --to 1 -o x_%d.l4d
 refused 'slice needs --time T, or an output name with one %d in it' slice s.l4d -o x.ply
 
 # Folders that are not there, by their names.

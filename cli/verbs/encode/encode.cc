@@ -7,7 +7,6 @@
 #include "cli/command/progress.h"
 #include "cli/command/values.h"
 #include "cli/input/files.h"
-#include "cli/input/sequence.h"
 #include "cli/verbs/encode/refit.h"
 #include "cli/verbs/encode/report.h"
 #include "cli/verbs/encode/scene.h"
@@ -65,8 +64,7 @@ struct Outputs {
   std::optional<Output> order, weights;
 
   Outputs(Context& context, const EncodeArguments& arguments)
-      : name(arguments.output.empty() ? derived_name(arguments.input, ".l4d") : arguments.output),
-        stream(context, checked(name)) {
+      : name(output_name(arguments.output, arguments.input, ".l4d")), stream(context, name) {
     if (!arguments.save_weights.empty()) {
       check_extension(arguments.save_weights, "--save-weights", {".ply"});
     }
@@ -75,10 +73,6 @@ struct Outputs {
   }
 
  private:
-  static const std::string& checked(const std::string& name) {
-    check_extension(name, "--output", {".l4d"});
-    return name;
-  }
   static void open(Context& context, std::optional<Output>& file, const std::string& path,
                    const char* option) {
     if (path.empty()) return;
@@ -130,9 +124,7 @@ void help_to_measure(Context& context, const EncodeArguments& arguments, uint32_
 Outcome run_live(Context& context, const EncodeArguments& arguments) {
   if (!arguments.weights.empty()) context.files.add_input(arguments.weights, "--weights");
   arguments.cameras.load(context);
-  const std::string name =
-      arguments.output.empty() ? derived_name(arguments.input, ".l4d") : arguments.output;
-  check_extension(name, "--output", {".l4d"});
+  const std::string name = output_name(arguments.output, arguments.input, ".l4d");
   const EncoderHandle encoder = make_encoder(context, arguments);
   set_parameters(context, arguments, false, encoder);
   const uint32_t passes =
@@ -188,7 +180,6 @@ void find_frames(Context& context, EncodeArguments* arguments) {
 
 Outcome run_encode(Context& context, EncodeArguments& arguments) {
   const Stopwatch watch;
-  NumberedName::refuse_for("encode", arguments.output);
   const std::optional<eval::Target> target = check(context, arguments);
   check_live(context, arguments, target.has_value());
   if (arguments.live.live) return run_live(context, arguments);
