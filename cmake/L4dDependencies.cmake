@@ -68,6 +68,7 @@ if(L4D_BUILD_CLI)
 endif()
 if(L4D_WANT_IO)
   find_package(nlohmann_json REQUIRED)
+  find_package(JPEG REQUIRED)
   find_package(PNG REQUIRED)
   find_package(ZLIB REQUIRED)
   set(L4D_WEBP OFF CACHE STRING

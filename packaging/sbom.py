@@ -23,6 +23,7 @@ DEPENDENCIES = [
     ("libzstd", "libzstd-dev", "BSD-3-Clause", LINKED, "https://github.com/facebook/zstd"),
     ("libxxhash", "libxxhash-dev", "BSD-2-Clause", LINKED, "https://github.com/Cyan4973/xxHash"),
     ("libhwy", "libhwy-dev", "Apache-2.0 OR BSD-3-Clause", LINKED, "https://github.com/google/highway"),
+    ("JPEG", "libjpeg-dev", "IJG AND BSD-3-Clause AND Zlib", LINKED, "https://libjpeg-turbo.org"),
     ("PNG", "libpng-dev", "libpng-2.0", LINKED, "http://www.libpng.org/pub/png/libpng.html"),
     ("ZLIB", "zlib1g-dev", "Zlib", LINKED, "https://zlib.net"),
     ("libwebp", "libwebp-dev", "BSD-3-Clause", LINKED, "https://chromium.googlesource.com/webm/libwebp"),

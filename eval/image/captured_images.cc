@@ -69,12 +69,12 @@ CapturedImages::CapturedImages(const CameraViews& all, const std::vector<size_t>
         }
       });
     } else if (!camera.image.empty()) {
-      about_camera(camera, [&] { image = io::read_png(camera.image, limits); });
+      about_camera(camera, [&] { image = io::read_image(camera.image, limits); });
       for (const size_t view : of_camera) keep(view);
     } else if (!camera.images.empty()) {
       for (const size_t view : of_camera) {
         about_camera(camera, [&] {
-          image = io::read_png(io::numbered_image(camera.images, all.views[view].frame), limits);
+          image = io::read_image(io::numbered_image(camera.images, all.views[view].frame), limits);
         });
         keep(view);
       }

@@ -32,14 +32,13 @@ std::string split_of(const std::string& path) {
 // "r_0.5" is that of r_0.5.png.
 std::string image_of(const std::string& path, const std::string& name, bool look) {
   const std::string image = beside(path, name);
-  static constexpr const char* kExtensions[] = {".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"};
   std::error_code error;
   if (image.empty() || (look && fs::is_regular_file(image, error))) return image;
-  for (const char* extension : kExtensions) {
+  for (const char* extension : kImageExtensions) {
     if (look && fs::is_regular_file(image + extension, error)) return image + extension;
   }
   const std::string own = fs::path(image).extension().string();
-  const bool is_image = std::any_of(std::begin(kExtensions), std::end(kExtensions),
+  const bool is_image = std::any_of(std::begin(kImageExtensions), std::end(kImageExtensions),
                                     [&](const char* extension) { return own == extension; });
   return is_image || own == ".exr" || own == ".webp" ? image : image + ".png";
 }

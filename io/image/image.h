@@ -47,24 +47,29 @@ bool png_size(const uint8_t* begin /* [24] */, uint32_t* size /* [2] */);
 // The same of a file, a PNG or a JPEG; false if it is neither or cannot be read.
 bool image_size(const std::string& path, uint32_t* size /* [2] */);
 
+// What names of files that read_image reads end with.
+constexpr const char* kImageExtensions[] = {".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"};
+
 // What an image has to be, and what counts it.
 struct ImageLimits {
   uint32_t width = 0, height = 0;  // pixels that it must have; 0 = any
   Hold holder;                     // counts the file and what reading it takes
 };
 
-// Any PNG of up to L4D_MAX_IMAGE_SIDE pixels a side. 16-bit values keep their precision, what is
-// transparent lies on black, gamma and colour profiles are left aside as most programs of the field
-// do.
+// Any PNG or JPEG of up to L4D_MAX_IMAGE_SIDE pixels a side. 16-bit values keep their precision,
+// what is transparent lies on black, gamma and colour profiles are left aside as most programs of
+// the field do. A JPEG is taken as it is stored, as COLMAP does; if the limits name its size with
+// width and height exchanged, it is turned as its EXIF orientation says.
 // Throws L4D_ERR_CORRUPT, before any pixel is decoded, if the image has another size than the
 // limits.
-Image read_png(const std::string& path, const ImageLimits& limits = {});
+Image read_image(const std::string& path, const ImageLimits& limits = {});
 // The same with what is transparent as it is in the file. alpha: [height, width] in [0, 1]; empty
 // if the image has none.
-Image read_png(const std::string& path, std::vector<float>* alpha, const ImageLimits& limits = {});
+Image read_image(const std::string& path, std::vector<float>* alpha,
+                 const ImageLimits& limits = {});
 // The same as bytes, from which from_bytes makes these values. Nothing if the file has 16 bits a
 // channel.
-std::optional<ByteImage> read_png_bytes(const std::string& path, const ImageLimits& limits = {});
+std::optional<ByteImage> read_image_bytes(const std::string& path, const ImageLimits& limits = {});
 
 // Images of one height beside each other.
 Image side_by_side(const std::vector<Image>& images);

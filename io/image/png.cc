@@ -5,13 +5,12 @@
 #include <csetjmp>
 #include <cstdio>
 #include <cstring>
-#include <memory>
 #include <new>
 #include <optional>
 #include <utility>
 
 #include "io/file/file.h"
-#include "io/image/image.h"
+#include "io/image/stored_image.h"
 
 namespace l4d::io {
 namespace {
@@ -168,119 +167,6 @@ class PngWriteStruct {
   png_infop info = nullptr;
 };
 
-float sample(const uint8_t* bytes, unsigned depth) {
-  if (depth == 8) return static_cast<float>(*bytes) / 255;
-  return static_cast<float>(bytes[0] << 8 | bytes[1]) / 65535;
-}
-
-// An image as libpng delivers it: RGB or RGBA of 8 or 16 bits, in rows without gaps.
-struct Delivered {
-  PngLayout layout;
-  std::vector<uint8_t> pixels;
-  std::shared_ptr<void> memory;  // counts them, and the values that are made of them
-};
-
-// Refuses an image of the wrong size by its first bytes. What is no PNG is left to the decoder.
-void check_size(const std::string& path, const uint8_t* begin, const ImageLimits& limits) {
-  uint32_t size[2];
-  if (limits.width == 0 || !png_size(begin, size)) return;
-  if (size[0] == limits.width && size[1] == limits.height) return;
-  throw Error(L4D_ERR_CORRUPT, path + " has " + std::to_string(size[0]) + " x " +
-                                   std::to_string(size[1]) + " pixels, and the camera has " +
-                                   std::to_string(limits.width) + " x " +
-                                   std::to_string(limits.height));
-}
-
-// The bytes of a file, of which the size in pixels is right.
-struct PngFile {
-  PngFile(const std::string& name, const ImageLimits& limits) : path(name) {
-    InputFile file(path, limits.holder);
-    uint8_t begin[kPngSizeBytes] = {};
-    const size_t known = file.read(begin, sizeof(begin));
-    check_size(path, begin, limits);
-    memory = hold(limits.holder, file.size(), path);
-    bytes.resize(static_cast<size_t>(file.size()));
-    std::copy_n(begin, known, bytes.begin());
-    bytes.resize(known + file.read(bytes.data() + known, bytes.size() - known));
-  }
-  std::string path;
-  std::shared_ptr<void> memory;
-  std::vector<uint8_t> bytes;
-};
-
-// Nothing if it has more than `deepest` bits a channel.
-std::optional<Delivered> deliver(const PngFile& file, unsigned deepest, const ImageLimits& limits) {
-  const std::string& path = file.path;
-  const std::vector<uint8_t>& bytes = file.bytes;
-  PngSource source;
-  source.bytes = bytes.data();
-  source.left = bytes.size();
-  PngReadStruct reader(&source);
-  const auto fail = [&](const char* what) {
-    throw Error(L4D_ERR_CORRUPT, path + ": bad PNG: " + what);
-  };
-  Delivered out;
-  PngLayout& layout = out.layout;
-  if (!read_layout(reader.png, reader.info, &source, &layout)) fail(source.message);
-  if ((layout.channels != 3 && layout.channels != 4) || (layout.depth != 8 && layout.depth != 16)) {
-    fail("a layout of pixels that is not known");
-  }
-  if (layout.stored_row_bytes * layout.height / kMaxInflation > bytes.size()) {
-    fail("the file is too short for its size in pixels");
-  }
-  if (layout.depth > deepest) return std::nullopt;
-  const uint64_t values = uint64_t{layout.width} * layout.height * (layout.channels + 1);
-  out.memory = hold(limits.holder, layout.row_bytes * layout.height + values * sizeof(float), path);
-  out.pixels.resize(layout.row_bytes * layout.height);
-  std::vector<uint8_t*> rows(layout.height);
-  for (size_t y = 0; y < rows.size(); ++y) rows[y] = &out.pixels[y * layout.row_bytes];
-  if (!read_pixels(reader.png, rows.data())) fail(source.message);
-  return out;
-}
-
-// alpha: null, and what is transparent lies on black; or where it goes.
-Image values_of(const Delivered& in, std::vector<float>* alpha_plane) {
-  const PngLayout& layout = in.layout;
-  Image image(layout.width, layout.height);
-  const size_t sample_bytes = layout.depth / 8;
-  const size_t pixel_bytes = layout.channels * sample_bytes;
-  const bool has_alpha = layout.channels == 4;
-  const bool keeps_alpha = alpha_plane != nullptr;
-  if (keeps_alpha) alpha_plane->resize(has_alpha ? size_t{layout.width} * layout.height : 0);
-  for (size_t y = 0; y < layout.height; ++y) {
-    float* out = &image.rgb[y * 3 * layout.width];
-    for (size_t x = 0; x < layout.width; ++x, out += 3) {
-      const uint8_t* pixel = &in.pixels[y * layout.row_bytes + x * pixel_bytes];
-      const float alpha = has_alpha ? sample(pixel + 3 * sample_bytes, layout.depth) : 1.0F;
-      if (keeps_alpha && has_alpha) (*alpha_plane)[y * layout.width + x] = alpha;
-      for (size_t c = 0; c < 3; ++c) {
-        out[c] = (keeps_alpha ? 1.0F : alpha) * sample(pixel + c * sample_bytes, layout.depth);
-      }
-    }
-  }
-  return image;
-}
-
-// in: of 8 bits a channel.
-ByteImage bytes_of(Delivered in) {
-  const PngLayout& layout = in.layout;
-  ByteImage out;
-  out.width = layout.width;
-  out.height = layout.height;
-  if (layout.channels == 3) {
-    out.rgb = std::move(in.pixels);
-    return out;
-  }
-  const size_t pixels = size_t{layout.width} * layout.height;
-  out.rgb.resize(3 * pixels);
-  out.alpha.resize(pixels);
-  for (size_t i = 0; i < pixels; ++i) {
-    std::copy_n(&in.pixels[4 * i], 3, &out.rgb[3 * i]);
-    out.alpha[i] = in.pixels[4 * i + 3];
-  }
-  return out;
-}
-
 // Calls take(target) for each row and at the end, when some of the image has been encoded.
 template <typename Take>
 void encode(const std::string& name, const Image& image, int level, const Take& take) {
@@ -303,15 +189,6 @@ void encode(const std::string& name, const Image& image, int level, const Take& 
   take(&target);
 }
 
-template <typename Read>
-auto with_memory(const std::string& path, const Read& read) {
-  try {
-    return read();
-  } catch (const std::bad_alloc&) {
-    throw Error(L4D_ERR_OUT_OF_MEMORY, path + ": not enough memory for the image");
-  }
-}
-
 }  // namespace
 
 bool png_size(const uint8_t* begin, uint32_t* size) {
@@ -325,21 +202,38 @@ bool png_size(const uint8_t* begin, uint32_t* size) {
   return true;
 }
 
-Image read_png(const std::string& path, const ImageLimits& limits) {
-  return read_png(path, nullptr, limits);
-}
-
-Image read_png(const std::string& path, std::vector<float>* alpha, const ImageLimits& limits) {
-  return with_memory(path,
-                     [&] { return values_of(*deliver(PngFile(path, limits), 16, limits), alpha); });
-}
-
-std::optional<ByteImage> read_png_bytes(const std::string& path, const ImageLimits& limits) {
-  return with_memory(path, [&]() -> std::optional<ByteImage> {
-    std::optional<Delivered> delivered = deliver(PngFile(path, limits), 8, limits);
-    if (!delivered) return std::nullopt;
-    return bytes_of(std::move(*delivered));
-  });
+std::optional<StoredImage> decode_png(const ImageFile& file, unsigned deepest,
+                                      const ImageLimits& limits) {
+  const std::string& path = file.path;
+  const std::vector<uint8_t>& bytes = file.bytes;
+  PngSource source;
+  source.bytes = bytes.data();
+  source.left = bytes.size();
+  PngReadStruct reader(&source);
+  const auto fail = [&](const char* what) {
+    throw Error(L4D_ERR_CORRUPT, path + ": bad PNG: " + what);
+  };
+  PngLayout layout;
+  if (!read_layout(reader.png, reader.info, &source, &layout)) fail(source.message);
+  if ((layout.channels != 3 && layout.channels != 4) || (layout.depth != 8 && layout.depth != 16)) {
+    fail("a layout of pixels that is not known");
+  }
+  if (layout.stored_row_bytes * layout.height / kMaxInflation > bytes.size()) {
+    fail("the file is too short for its size in pixels");
+  }
+  if (layout.depth > deepest) return std::nullopt;
+  StoredImage out;
+  out.width = layout.width;
+  out.height = layout.height;
+  out.channels = layout.channels;
+  out.depth = layout.depth;
+  const uint64_t values = uint64_t{layout.width} * layout.height * (layout.channels + 1);
+  out.memory = hold(limits.holder, layout.row_bytes * layout.height + values * sizeof(float), path);
+  out.pixels.resize(layout.row_bytes * layout.height);
+  std::vector<uint8_t*> rows(layout.height);
+  for (size_t y = 0; y < rows.size(); ++y) rows[y] = &out.pixels[y * layout.row_bytes];
+  if (!read_pixels(reader.png, rows.data())) fail(source.message);
+  return out;
 }
 
 void write_png(const std::string& path, const Image& image, const Check& check) {

@@ -18,6 +18,7 @@
 #include "l4d/members.h"
 #include "libl4dcodec/container/directory.h"
 #include "libl4dcodec/container/file_header.h"
+#include "tests/common/jpeg.h"
 #include "tests/hostile/chunk_walk.h"
 #include "tests/hostile/small_files.h"
 
@@ -307,17 +308,18 @@ void write_cameras(const Seeds& seeds) {
   std::string header = "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 17), }";
   header.resize(117, ' ');
   header += '\n';
-  Bytes npy = {0x93, 'N', 'U', 'M', 'P', 'Y', 1, 0, 118, 0};
-  npy.insert(npy.end(), header.begin(), header.end());
-  const auto* raw = reinterpret_cast<const unsigned char*>(rows);
-  npy.insert(npy.end(), raw, raw + sizeof rows);
-  seeds.write("cameras", "poses_bounds", {}, npy);
+  std::string npy("\x93NUMPY\x01\0\x76\0", 10);
+  npy += header;
+  npy.append(reinterpret_cast<const char*>(rows), sizeof rows);
+  seeds.text("cameras", "poses_bounds", npy);
 }
 
 void write_images(const Seeds& seeds) {
   l4d::io::Image image(5, 3);
   for (size_t i = 0; i < image.rgb.size(); ++i) image.rgb[i] = static_cast<float>(i) / 45;
-  l4d::io::write_png(seeds.path("png", "rgb").string(), image);
+  l4d::io::write_png(seeds.path("image", "rgb").string(), image);
+  const std::string jpeg = l4d::test::jpeg_of(8, 8, std::vector<uint8_t>(192, 90), {JCS_RGB, 6});
+  seeds.text("image", "jpeg", jpeg);
 }
 
 }  // namespace

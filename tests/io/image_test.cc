@@ -66,7 +66,7 @@ TEST_F(ImageTest, PngRoundTripKeepsBytes) {
   for (float& v : image.rgb) v = static_cast<float>(random.below(256)) / 255;
   write_png(path("a.png"), image);
   EXPECT_EQ(files_in_directory(), 1U);
-  const Image back = read_png(path("a.png"));
+  const Image back = read_image(path("a.png"));
   EXPECT_TRUE(back.same_size(image));
   EXPECT_TRUE(test::same_bits(back.rgb, image.rgb));
   // A caller may stop it at each row, and nothing is left.
@@ -85,14 +85,14 @@ TEST_F(ImageTest, PngClampsAndRounds) {
       INFINITY, -INFINITY, 0.2F, 0.4F,          0.6F};
   write_png(path("a.png"), image);
   const int expected[] = {0, 255, 0, 0, 1, 254, 255, 255, 0, 51, 102, 153};
-  const Image back = read_png(path("a.png"));
+  const Image back = read_image(path("a.png"));
   for (size_t i = 0; i < 12; ++i) {
     EXPECT_EQ(std::lround(back.rgb[i] * 255), expected[i]) << i;
   }
 }
 
 TEST_F(ImageTest, PngOfManyKinds) {
-  const auto read = [&](const std::string& bytes) { return read_png(write("a.png", bytes)).rgb; };
+  const auto read = [&](const std::string& bytes) { return read_image(write("a.png", bytes)).rgb; };
   const auto expect = [&](const std::string& bytes, const std::vector<double>& values) {
     const std::vector<float> rgb = read(bytes);
     ASSERT_EQ(rgb.size(), values.size());
@@ -117,18 +117,20 @@ TEST_F(ImageTest, PngOfManyKinds) {
 
 TEST_F(ImageTest, PngWithAlphaKeptApart) {
   std::vector<float> alpha = {5, 5};
-  Image image = read_png(write("a.png", png(1, 1, 8, 6, text_of({0, 100, 200, 50, 51}))), &alpha);
+  Image image = read_image(write("a.png", png(1, 1, 8, 6, text_of({0, 100, 200, 50, 51}))), &alpha);
   ASSERT_EQ(alpha.size(), 1U);
   EXPECT_NEAR(alpha[0], 51 / 255., 1e-7);
   EXPECT_NEAR(image.rgb[0], 100 / 255., 1e-7);
   EXPECT_NEAR(image.rgb[1], 200 / 255., 1e-7);
-  image = read_png(write("a.png", png(1, 1, 8, 2, text_of({0, 100, 200, 50}))), &alpha);
+  image = read_image(write("a.png", png(1, 1, 8, 2, text_of({0, 100, 200, 50}))), &alpha);
   EXPECT_TRUE(alpha.empty());
   EXPECT_NEAR(image.rgb[2], 50 / 255., 1e-7);
 }
 
 TEST_F(ImageTest, PngAsBytes) {
-  const auto read = [&](const std::string& bytes) { return read_png_bytes(write("a.png", bytes)); };
+  const auto read = [&](const std::string& bytes) {
+    return read_image_bytes(write("a.png", bytes));
+  };
   const std::optional<ByteImage> plain =
       read(png(2, 1, 8, 2, text_of({0, 1, 2, 3, 253, 254, 255})));
   ASSERT_TRUE(plain);
@@ -142,7 +144,7 @@ TEST_F(ImageTest, PngAsBytes) {
   EXPECT_EQ(clear->rgb, (std::vector<uint8_t>{100, 200, 50, 1, 2, 3}));
   EXPECT_EQ(clear->alpha, (std::vector<uint8_t>{51, 0}));
   EXPECT_FALSE(read(png(1, 1, 16, 2, text_of({0, 0x12, 0x34, 0xff, 0xff, 0x00, 0x01}))));
-  EXPECT_EQ(test::status_of([&] { read_png_bytes(path("absent.png")); }), L4D_ERR_IO);
+  EXPECT_EQ(test::status_of([&] { read_image_bytes(path("absent.png")); }), L4D_ERR_IO);
   EXPECT_EQ(test::status_of([&] {
               read(png(2, 2, 8, 2, text_of({0, 1, 2, 3})));
             }),
@@ -153,8 +155,8 @@ TEST_F(ImageTest, RefusesWhatIsTooLargeBeforeItIsDecoded) {
   // Pixels that nobody could decode: the size is looked at first.
   const std::string file = write("a.png", png(2, 1, 8, 2, text_of({0, 1, 2, 3, 253, 254, 255})));
   const auto status = [&](const ImageLimits& limits) {
-    return std::vector<l4d_status>{test::status_of([&] { read_png(file, limits); }),
-                                   test::status_of([&] { read_png_bytes(file, limits); })};
+    return std::vector<l4d_status>{test::status_of([&] { read_image(file, limits); }),
+                                   test::status_of([&] { read_image_bytes(file, limits); })};
   };
   using Statuses = std::vector<l4d_status>;
   EXPECT_EQ(status({2, 1, {}}), Statuses(2, L4D_OK));
@@ -171,7 +173,7 @@ TEST_F(ImageTest, PngThatIsDamaged) {
   const std::string good = png(2, 2, 8, 2, text_of({0, 1, 2, 3, 4, 5, 6, 0, 7, 8, 9, 10, 11, 12}));
   const auto status = [&](const std::string& bytes) {
     const std::string file = write("a.png", bytes);
-    return test::status_of([&] { read_png(file); });
+    return test::status_of([&] { read_image(file); });
   };
   ASSERT_EQ(status(good), L4D_OK);
   for (size_t size = 0; size < good.size(); ++size) {
@@ -187,7 +189,7 @@ TEST_F(ImageTest, PngThatIsDamaged) {
   EXPECT_EQ(status(png(16384, 16384, 16, 6, row)), L4D_ERR_CORRUPT);
   EXPECT_EQ(status(png(16385, 1, 8, 2, row)), L4D_ERR_CORRUPT);
   EXPECT_EQ(status(png(0x7fffffff, 0x7fffffff, 8, 2, row)), L4D_ERR_CORRUPT);
-  EXPECT_EQ(test::status_of([&] { read_png(path("absent.png")); }), L4D_ERR_IO);
+  EXPECT_EQ(test::status_of([&] { read_image(path("absent.png")); }), L4D_ERR_IO);
 }
 
 TEST_F(ImageTest, PngThatCannotBeWritten) {

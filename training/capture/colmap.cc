@@ -7,8 +7,8 @@
 #include "io/camera/read_cameras.h"
 #include "training/capture/video_capture.h"
 
-// COLMAP: sparse/0/{cameras,images,points3D}.{bin,txt}, videos/NAME.mp4 or images/NAME/%04d.png,
-// where NAME is that of the image without its extension.
+// COLMAP: sparse/0/{cameras,images,points3D}.{bin,txt}, videos/NAME.mp4 or images/NAME/%04d.png
+// or .jpg, where NAME is that of the image without its extension.
 namespace l4d::train {
 
 namespace {
@@ -51,7 +51,7 @@ Capture read_colmap_capture(const std::string& folder, const CaptureOptions& opt
     }
     const std::string stem = fs::path(names[k]).replace_extension("").string();
     if (fs::is_directory(root / "images" / stem, error)) {
-      camera.images = (root / "images" / stem / "%04d.png").string();
+      camera.images = numbered_images_in(root / "images" / stem);
     } else {
       camera.video = (root / "videos" / (stem + ".mp4")).string();
     }

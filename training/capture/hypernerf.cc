@@ -7,6 +7,7 @@
 
 #include "io/camera/read_cameras.h"
 #include "io/file/file.h"
+#include "io/image/image.h"
 #include "training/capture/capture.h"
 #include "training/capture/tolerance.h"
 
@@ -112,12 +113,15 @@ class HypernerfReader {
   std::string image_of(const std::string& id, unsigned* factor) const {
     std::error_code error;
     for (const unsigned f : {2u, 1u, 4u}) {
-      const fs::path path = folder_ / "rgb" / (std::to_string(f) + "x") / (id + ".png");
+      const fs::path folder = folder_ / "rgb" / (std::to_string(f) + "x");
       *factor = f;
-      if (fs::is_regular_file(path, error)) return path.string();
+      for (const char* ending : io::kImageExtensions) {
+        const fs::path path = folder / (id + ending);
+        if (fs::is_regular_file(path, error)) return path.string();
+      }
     }
     throw io::Error(L4D_ERR_IO, folder_.string() + ": image " + id +
-                                    ": cannot open it: rgb/2x has no such PNG");
+                                    ": cannot open it: rgb/2x has no such PNG or JPEG");
   }
 
   void add(const std::string& id, const Json& metadata, const char* split) {

@@ -167,8 +167,7 @@ class SelfcapReader {
     const fs::path images = folder_ / "images" / name;
     std::error_code error;
     if (fs::is_directory(images, error) && !fs::exists(video, error)) {
-      const bool six = fs::exists(images / "000000.png", error);
-      out->images = (images / (six ? "%06d.png" : "%04d.png")).string();
+      out->images = numbered_images_in(images);
     } else {
       out->video = video.string();
     }

@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "io/file/file.h"
+#include "io/image/image.h"
 #include "libl4dcodec/base/threads.h"
 
 namespace l4d::train {
@@ -13,32 +14,40 @@ namespace {
 
 constexpr size_t kMaxNamed = 10;
 constexpr int kReaders = 8;  // a long capture has thousands of files, and opening one may take long
-constexpr uint8_t kPngBegin[16] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n',
-                                   0,    0,   0,   13,  'I',  'H',  'D',  'R'};
-constexpr uint8_t kPngEnd[12] = {0, 0, 0, 0, 'I', 'E', 'N', 'D', 0xae, 0x42, 0x60, 0x82};
+constexpr uint8_t kPngEnd[] = {0, 0, 0, 0, 'I', 'E', 'N', 'D', 0xae, 0x42, 0x60, 0x82};
+constexpr uint8_t kJpegEnd[] = {0xff, 0xd9};
 
-uint32_t big_endian(const uint8_t* bytes) {
-  return uint32_t{bytes[0]} << 24 | uint32_t{bytes[1]} << 16 | uint32_t{bytes[2]} << 8 | bytes[3];
+template <size_t kCount>
+bool ends_with(std::FILE* file, const uint8_t (&wanted)[kCount]) {
+  uint8_t end[kCount];
+  return std::fseek(file, -static_cast<long>(kCount), SEEK_END) == 0 &&
+         std::fread(end, 1, kCount, file) == kCount && std::equal(wanted, wanted + kCount, end);
+}
+
+std::string trouble_of_decoding(const std::string& path, const l4d_camera& camera) {
+  try {
+    io::read_image_bytes(path, {camera.width, camera.height, {}});
+    return "";
+  } catch (const io::Error& error) {
+    return error.what();
+  }
 }
 
 // to_end: whether the last bytes count, too.
 std::string trouble_of(const std::string& path, const l4d_camera& camera, bool to_end) {
   const io::FileHandle file(std::fopen(path.c_str(), "rb"));
   if (!file) return "cannot open " + path;
-  uint8_t begin[24], end[12];
-  if (std::fread(begin, 1, sizeof(begin), file.get()) != sizeof(begin) ||
-      !std::equal(std::begin(kPngBegin), std::end(kPngBegin), begin)) {
-    return path + " is no PNG";
+  uint32_t size[2];
+  if (!io::image_size(path, size)) return path + " is no PNG or JPEG";
+  const bool is_jpeg = std::fgetc(file.get()) == 0xff;
+  const bool fits = size[0] == camera.width && size[1] == camera.height;
+  // A JPEG may be turned, and have more behind its end.
+  if (is_jpeg && (!fits || (to_end && !ends_with(file.get(), kJpegEnd)))) {
+    return trouble_of_decoding(path, camera);
   }
-  const auto ends = [&] {
-    return std::fseek(file.get(), -static_cast<long>(sizeof(end)), SEEK_END) == 0 &&
-           std::fread(end, 1, sizeof(end), file.get()) == sizeof(end) &&
-           std::equal(std::begin(kPngEnd), std::end(kPngEnd), end);
-  };
-  if (to_end && !ends()) return path + " is cut off";
-  const uint32_t width = big_endian(begin + 16), height = big_endian(begin + 20);
-  if (width == camera.width && height == camera.height) return "";
-  return path + " has " + std::to_string(width) + " x " + std::to_string(height) +
+  if (!is_jpeg && to_end && !ends_with(file.get(), kPngEnd)) return path + " is cut off";
+  if (fits) return "";
+  return path + " has " + std::to_string(size[0]) + " x " + std::to_string(size[1]) +
          " pixels, and the camera has " + std::to_string(camera.width) + " x " +
          std::to_string(camera.height);
 }

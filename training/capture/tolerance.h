@@ -13,11 +13,11 @@
 namespace l4d::train {
 
 // What is wrong with the image of a camera, as far as its first and last bytes say: "" for a whole
-// PNG of the camera's size. Images that are damaged in the middle are not found.
+// PNG or JPEG of the camera's size. Images that are damaged in the middle are not found.
 std::string trouble_of_image(const std::string& path, const l4d_camera& camera);
 
 // Throws what a training would find when it reads the images and masks, as far as their first bytes
-// say: the first that is missing, no PNG or not of its camera's size, with its camera and frame.
+// say: the first that is missing, no image or not of its camera's size, with its camera and frame.
 void check_image_files(const Capture& capture);
 
 // What was left out, as notes for people: one for each, and for many of a kind their number.

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <set>
 
+#include "io/image/image.h"
 #include "io/image/video.h"
 #include "io/scene/statements.h"
 #include "training/capture/tolerance.h"
@@ -203,6 +204,20 @@ Capture make_video_capture(const std::string& path, const io::CameraSet& set,
       path + ": the list of its images");
   add_views(path, &capture);
   return capture;
+}
+
+std::string numbered_images_in(const fs::path& folder) {
+  for (const std::string& name : files_in(folder)) {
+    const fs::path file(name);
+    const std::string stem = file.stem().string(), ending = file.extension().string();
+    if (stem.empty() || stem.find_first_not_of("0123456789") != std::string::npos) continue;
+    if (std::find(std::begin(io::kImageExtensions), std::end(io::kImageExtensions), ending) ==
+        std::end(io::kImageExtensions)) {
+      continue;
+    }
+    return (folder / ("%0" + std::to_string(stem.size()) + "d" + ending)).string();
+  }
+  return (folder / "%04d.png").string();
 }
 
 Capture read_cameras_capture(const std::string& file, const CaptureOptions& options) {

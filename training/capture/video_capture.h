@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 #include "training/capture/capture.h"
@@ -11,5 +12,9 @@ namespace l4d::train {
 // views. set.frames and set.fps may be 0: the videos then say them. Throws as read_capture.
 Capture make_video_capture(const std::string& path, const io::CameraSet& set,
                            const CaptureOptions& options);
+
+// The numbered images of a folder, as a pattern (io::numbered_image) with the digits and the ending
+// that its files have; %04d.png if it has none.
+std::string numbered_images_in(const std::filesystem::path& folder);
 
 }  // namespace l4d::train

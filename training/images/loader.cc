@@ -19,7 +19,7 @@ io::ImageLimits limits_of(const CaptureCamera& camera, const io::Hold& holder) {
 
 io::Image read_mask(const CaptureCamera& camera, const io::Hold& holder) {
   try {
-    return io::read_png(camera.source.mask, limits_of(camera, holder));
+    return io::read_image(camera.source.mask, limits_of(camera, holder));
   } catch (const Error& error) {
     throw Error(error.status(), camera.name + ": its mask: " + error.what());
   }
@@ -88,8 +88,8 @@ void ImageLoader::load_file(uint32_t index, const Sink& sink) const {
   io::Image image;
   try {
     const io::ImageLimits limits = limits_of(camera, capture_.holder);
-    bytes = io::read_png_bytes(view.file, limits);
-    if (!bytes) image = io::read_png(view.file, &alpha, limits);
+    bytes = io::read_image_bytes(view.file, limits);
+    if (!bytes) image = io::read_image(view.file, &alpha, limits);
   } catch (const Error& error) {
     throw Error(error.status(),
                 camera.name + ", frame " + std::to_string(view.frame) + ": " + error.what());

@@ -7,6 +7,7 @@
 
 #include "io/image/video.h"
 #include "tests/common/ffmpeg.h"
+#include "tests/common/jpeg.h"
 #include "training/capture/opencv_yaml.h"
 #include "training/capture/tolerance.h"
 #include "training/images/loader.h"
@@ -61,13 +62,25 @@ std::string digits(double value) {
   return text;
 }
 
+// From a PNG to a PNG or a JPEG.
+void copy_image(const std::string& from, const std::string& to) {
+  if (fs::path(to).extension() == ".png") {
+    fs::copy_file(from, to);
+    return;
+  }
+  const io::Image image = io::read_image(from);
+  std::vector<uint8_t> bytes(image.rgb.size());
+  io::to_bytes(image.rgb.data(), bytes.size(), bytes.data());
+  write_text(to, l4d::test::jpeg_of(image.width, image.height, bytes));
+}
+
 void copy_images(const Truth& truth, const std::string& folder, const char* pattern) {
   for (uint32_t c = 0; c < kCameras; ++c) {
     fs::create_directories(folder + "/images/" + name_of(c));
     for (uint32_t f = 0; f < kFrames; ++f) {
       char name[40];
       std::snprintf(name, sizeof(name), pattern, f);
-      fs::copy_file(truth.image(c, f), folder + "/images/" + name_of(c) + "/" + name);
+      copy_image(truth.image(c, f), folder + "/images/" + name_of(c) + "/" + name);
     }
   }
 }
@@ -170,8 +183,9 @@ void put(std::string* to, T value) {
   to->append(reinterpret_cast<const char*>(&value), sizeof(T));
 }
 
-void write_colmap(const Truth& truth, const std::string& folder, bool binary) {
-  copy_images(truth, folder, "%04u.png");
+void write_colmap(const Truth& truth, const std::string& folder, bool binary,
+                  const char* pattern = "%04u.png") {
+  copy_images(truth, folder, pattern);
   std::string cameras, images, points;
   if (binary) {
     put<uint64_t>(&cameras, kCameras);
@@ -309,7 +323,7 @@ TEST(Layouts, HaveTheSameCamerasTimesAndImages) {
         if (apart > 1e-9) continue;
         ++found;
         EXPECT_EQ(camera.split, c == 0 ? "test" : "train") << item.layout;
-        const io::Image image = io::read_png(truth.image(c, view.frame));
+        const io::Image image = io::read_image(truth.image(c, view.frame));
         std::vector<uint8_t> bytes(image.rgb.size());
         io::to_bytes(image.rgb.data(), bytes.size(), bytes.data());
         EXPECT_EQ(images[k].rgb, bytes) << item.layout;
@@ -322,6 +336,39 @@ TEST(Layouts, HaveTheSameCamerasTimesAndImages) {
       EXPECT_EQ(capture.points[0].position[1], 0.25f);
       EXPECT_EQ(capture.points[0].rgb[0], 1);
     }
+  }
+}
+
+// Of one image in so many. Also endings and numbers as other programs write them.
+TEST(Layouts, TakeJpegs) {
+  const Truth truth;
+  for (const char* pattern : {"%05u.jpg", "%u.JPEG"}) {
+    const test::Folder folder;
+    write_colmap(truth, folder / "capture", false, pattern);
+    const auto read = [&](bool tolerant) {
+      CaptureOptions options = options_of("colmap");
+      options.tolerant = tolerant;
+      return read_capture(folder / "capture", options);
+    };
+    const Capture capture = read(true);
+    ASSERT_EQ(capture.views.size(), kCameras * kFrames);
+    check_image_files(capture);
+    const ImageLoader loader(capture, 1);
+    loader.load({7}, 1, [&](uint32_t view, const Pixels& pixels) {
+      const CaptureView& of = capture.views[view];
+      const io::Image image = io::read_image(truth.image(of.camera, of.frame));
+      double apart = 0;
+      for (size_t i = 0; i < image.rgb.size(); ++i) {
+        apart += std::abs(255.0 * image.rgb[i] - pixels.rgb[i]);
+      }
+      EXPECT_LT(apart / static_cast<double>(image.rgb.size()), 3);
+    });
+    // What is cut off ends its camera, as a PNG does.
+    const std::string file = capture.views[kCameras].file;  // frame 1 of camera 0
+    fs::resize_file(file, fs::file_size(file) - 40);
+    EXPECT_EQ(read(true).frames, 1U);
+    write_text(file, l4d::test::jpeg_of(8, 8, std::vector<uint8_t>(192)));
+    EXPECT_THROW(check_image_files(read(false)), io::Error);
   }
 }
 
@@ -377,7 +424,7 @@ void make_videos(Truth* truth, const std::string& videos, const std::string& fra
     options.fps = 10;
     const std::string file = videos + "/" + name_of(c) + ".mp4";
     io::VideoWriter writer(file, 64, 48, options);
-    for (uint32_t f = 0; f < kFrames; ++f) writer.write(io::read_png(truth->image(c, f)));
+    for (uint32_t f = 0; f < kFrames; ++f) writer.write(io::read_image(truth->image(c, f)));
     writer.finish();
     io::VideoReader reader(file, 64, 48);
     io::Image image;
