@@ -62,7 +62,7 @@ void keep_numbered(Context& context, const io::Camera& camera) {
   const std::filesystem::path folder = std::filesystem::path(camera.images).parent_path();
   if (io::is_image_pattern(folder.string())) {  // each frame has a folder of its own
     uint32_t frame = 0;
-    while (keep_seen(context, camera, io::numbered_image(camera.images, frame))) ++frame;
+    while (keep_seen(context, camera, io::numbered_image(camera, frame))) ++frame;
     return;
   }
   std::error_code error;

@@ -74,7 +74,7 @@ CapturedImages::CapturedImages(const CameraViews& all, const std::vector<size_t>
     } else if (!camera.images.empty()) {
       for (const size_t view : of_camera) {
         about_camera(camera, [&] {
-          image = io::read_image(io::numbered_image(camera.images, all.views[view].frame), limits);
+          image = io::read_image(io::numbered_image(camera, all.views[view].frame), limits);
         });
         keep(view);
       }

@@ -47,14 +47,32 @@ bool is_numbered_image(const std::string& pattern, const std::string& name) {
                      [](char c) { return c >= '0' && c <= '9'; });
 }
 
-std::string numbered_image(const std::string& pattern, uint32_t frame) {
+std::string numbered_image(const Camera& camera, uint32_t frame) {
+  const std::string& pattern = camera.images;
   const std::optional<NumberPlace> place = number_in(pattern);
   if (!place) {
     throw Error(L4D_ERR_CORRUPT, pattern + ": a path of numbered images has one %d or %04d");
   }
-  std::string number = std::to_string(frame);
+  std::string number = std::to_string(uint64_t{camera.first_image} + frame);
   if (number.size() < place->width) number.insert(0, place->width - number.size(), '0');
   return pattern.substr(0, place->begin) + number + pattern.substr(place->end);
+}
+
+void find_first_images(CameraSet* set) {
+  std::vector<Camera*> numbered;
+  for (Camera& camera : set->cameras) {
+    if (is_image_pattern(camera.images)) numbered.push_back(&camera);
+  }
+  std::error_code error;
+  const bool from_one = std::all_of(numbered.begin(), numbered.end(), [&](const Camera* camera) {
+    const bool may_look = set->any_path || camera->outside.empty();
+    return may_look && camera->first_image == 0 &&
+           !std::filesystem::exists(numbered_image(*camera, 0), error) &&
+           std::filesystem::is_regular_file(numbered_image(*camera, 1), error);
+  });
+  if (numbered.empty() || !from_one) return;
+  for (Camera* camera : numbered) camera->first_image = 1;
+  set->notes.push_back("Images are numbered from 1.");
 }
 
 std::vector<std::string> notes_of_pinholes(const CameraSet& set) {

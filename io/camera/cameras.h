@@ -41,6 +41,7 @@ struct Camera {
   std::string image;  // the one frame of a camera that exists for an instant; "" = none
   // All frames as image files: a path with one %d, %04d or the like for the number; "" = none.
   std::string images;
+  uint32_t first_image = 0;  // the number of the first of them
   std::string mask;  // an image that is black where pixels of the camera do not count; "" = none
   // The first of these that the file names by an absolute path, or by one that leaves its folder;
   // "" = none.
@@ -98,9 +99,11 @@ const std::string& seen_by(const Camera& camera);
 bool is_image_pattern(const std::string& pattern);
 // Whether a file in the folder of the pattern has a name that some frame has.
 bool is_numbered_image(const std::string& pattern, const std::string& name);
-// The image of frame `frame`, where `pattern` has one %d or %04d for it, as Camera::images. Throws
-// L4D_ERR_CORRUPT if it has none.
-std::string numbered_image(const std::string& pattern, uint32_t frame);
+// The image of frame `frame` of a camera. Throws L4D_ERR_CORRUPT if its `images` has no %d or %04d.
+std::string numbered_image(const Camera& camera, uint32_t frame);
+// Some programs number images from 1: so they are where no camera has an image 0 and each that has
+// images has an image 1. Sets first_image, and adds a note.
+void find_first_images(CameraSet* set);
 
 // Cameras around a scene that has none: on one ring at the height of the centre, or from 12 cameras
 // on also on rings 30 degrees below and above. They look at the whole subject of the scene

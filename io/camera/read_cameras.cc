@@ -303,6 +303,7 @@ CameraSet read_cameras(const std::string& path, bool any_path, const Hold& holde
     set.holder = holder;
     set.memory = hold(holder, 2 * sizeof(Camera) * set.cameras.size(), path);
     if (set.cameras.empty()) CameraPlace{path, ""}.fail("there is no camera");
+    find_first_images(&set);
     return set;
   } catch (const std::bad_alloc&) {
     throw Error(L4D_ERR_OUT_OF_MEMORY, path + ": not enough memory for the cameras");

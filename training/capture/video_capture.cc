@@ -44,7 +44,7 @@ uint32_t count_images(const io::Camera& camera, uint32_t most, bool tolerant,
   fs::path folder;
   std::set<std::string> names;
   for (uint32_t n = 0; n < most; ++n) {
-    const std::string path = io::numbered_image(camera.images, n);
+    const std::string path = io::numbered_image(camera, n);
     const fs::path parent = fs::path(path).parent_path();
     if (n == 0 || parent != folder) {
       folder = parent;
@@ -127,7 +127,7 @@ void add_views(const std::string& path, Capture* capture) {
         continue;
       }
       view.time = std::clamp(view.time, 0.0, capture->duration());
-      if (!source.images.empty()) view.file = io::numbered_image(source.images, frame);
+      if (!source.images.empty()) view.file = io::numbered_image(source, frame);
       capture->views.push_back(std::move(view));
     }
   }
@@ -147,8 +147,9 @@ void add_views(const std::string& path, Capture* capture) {
 
 }  // namespace
 
-Capture make_video_capture(const std::string& path, const io::CameraSet& set,
+Capture make_video_capture(const std::string& path, io::CameraSet set,
                            const CaptureOptions& options) {
+  io::find_first_images(&set);
   Capture capture;
   capture.notes = set.notes;
   double video_fps = 0;

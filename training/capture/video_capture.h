@@ -10,7 +10,7 @@ namespace l4d::train {
 
 // Cameras of one clock, each with a video or numbered images: looks at what is there, and makes the
 // views. set.frames and set.fps may be 0: the videos then say them. Throws as read_capture.
-Capture make_video_capture(const std::string& path, const io::CameraSet& set,
+Capture make_video_capture(const std::string& path, io::CameraSet set,
                            const CaptureOptions& options);
 
 // The numbered images of a folder, as a pattern (io::numbered_image) with the digits and the ending

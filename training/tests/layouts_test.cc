@@ -339,12 +339,18 @@ TEST(Layouts, HaveTheSameCamerasTimesAndImages) {
   }
 }
 
-// Of one image in so many. Also endings and numbers as other programs write them.
-TEST(Layouts, TakeJpegs) {
+// Endings and numbers as other programs write them.
+TEST(Layouts, TakeJpegsAndImagesFromOneOn) {
   const Truth truth;
-  for (const char* pattern : {"%05u.jpg", "%u.JPEG"}) {
+  for (const bool from_one : {false, true}) {
     const test::Folder folder;
-    write_colmap(truth, folder / "capture", false, pattern);
+    write_colmap(truth, folder / "capture", false, from_one ? "%u.JPEG" : "%05u.jpg");
+    for (uint32_t c = 0; from_one && c < kCameras; ++c) {
+      const std::string images = folder / "capture/images/" + name_of(c) + "/";
+      for (uint32_t f = kFrames; f > 0; --f) {
+        fs::rename(images + std::to_string(f - 1) + ".JPEG", images + std::to_string(f) + ".JPEG");
+      }
+    }
     const auto read = [&](bool tolerant) {
       CaptureOptions options = options_of("colmap");
       options.tolerant = tolerant;
@@ -352,6 +358,8 @@ TEST(Layouts, TakeJpegs) {
     };
     const Capture capture = read(true);
     ASSERT_EQ(capture.views.size(), kCameras * kFrames);
+    EXPECT_EQ(std::count(capture.notes.begin(), capture.notes.end(), "Images are numbered from 1."),
+              from_one ? 1 : 0);
     check_image_files(capture);
     const ImageLoader loader(capture, 1);
     loader.load({7}, 1, [&](uint32_t view, const Pixels& pixels) {
