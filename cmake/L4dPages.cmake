@@ -1,52 +1,58 @@
 # SPDX-License-Identifier: Apache-2.0
-# The man page of the tool and its completions for bash, zsh and fish. A program of the build makes
-# them from the tool's own command line. Where programs of this build do not run, one of another
-# build of the same sources has to be named, or the tool comes without them.
-set(L4D_PAGES_PROGRAM "" CACHE FILEPATH
-  "l4dcodec_pages of a build for this machine, to make the tool's pages when cross-compiling")
-if(CMAKE_CROSSCOMPILING AND NOT CMAKE_CROSSCOMPILING_EMULATOR AND NOT L4D_PAGES_PROGRAM)
-  message(WARNING "Without L4D_PAGES_PROGRAM, the l4dcodec_pages of a build for this machine, the "
-                  "tool comes without man page and completions")
-  return()
-endif()
-if(L4D_PAGES_PROGRAM)
-  set(program ${L4D_PAGES_PROGRAM})
-else()
-  add_executable(l4dcodec_pages
-    pages/bash_completion.cc
-    pages/fish_completion.cc
-    pages/main.cc
-    pages/man_page.cc
-    pages/manual.cc
-    pages/zsh_completion.cc
-    $<FILTER:$<TARGET_OBJECTS:l4dcodec_cli>,EXCLUDE,/main[.]cc[.]>) # all of the tool but main()
-  target_link_libraries(l4dcodec_pages PRIVATE $<TARGET_PROPERTY:l4dcodec_cli,LINK_LIBRARIES>)
-  set(program l4dcodec_pages)
-endif()
-
-# Of $SOURCE_DATE_EPOCH where that is set, so that the same sources give the same page.
-string(TIMESTAMP date "%Y-%m-%d" UTC)
-# Each lies as it will be installed, so that the folder can be tried without installing it.
-set(folder ${PROJECT_BINARY_DIR}/pages)
-set(man man/man1/l4dcodec.1)
-set(bash bash-completion/completions/l4dcodec)
-set(zsh zsh/site-functions/_l4dcodec)
-set(fish fish/vendor_completions.d/l4dcodec.fish)
-set(files "")
-foreach(page IN ITEMS man bash zsh fish)
-  cmake_path(GET ${page} PARENT_PATH parent)
-  file(MAKE_DIRECTORY ${folder}/${parent})
-  list(APPEND files ${folder}/${${page}})
-  if(page STREQUAL man)
-    install(FILES ${folder}/${${page}} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 OPTIONAL)
-  else()
-    install(FILES ${folder}/${${page}} DESTINATION ${CMAKE_INSTALL_DATADIR}/${parent} OPTIONAL)
+# l4d_add_pages(TOOL PROGRAM COMPONENT SOURCE...): the man page of the executable TOOL and its completions for bash,
+# zsh and fish. PROGRAM, of SOURCE and all of the executable but its main(), makes them from the tool's own command line.
+# Where programs of this build do not run, one of another build of the same sources has to be named, or the tool comes
+# without them.
+function(l4d_add_pages target program component)
+  get_target_property(name ${target} OUTPUT_NAME)
+  if(NOT name)
+    set(name ${target})
   endif()
-endforeach()
-add_custom_command(OUTPUT ${files}
-  COMMAND ${program} ${PROJECT_VERSION} ${date} ${files}
-  DEPENDS ${program}
-  COMMENT "Making the man page and the completions of the tool"
-  VERBATIM)
-set_target_properties(l4dcodec_cli PROPERTIES L4D_PAGES "${files}")
-add_custom_target(l4d_pages ALL DEPENDS ${files})
+  string(TOUPPER ${program}_PROGRAM given)
+  set(${given} "" CACHE FILEPATH
+    "${program} of a build for this machine, to make the pages of ${name} when cross-compiling")
+  if(CMAKE_CROSSCOMPILING AND NOT CMAKE_CROSSCOMPILING_EMULATOR AND NOT ${given})
+    message(WARNING "Without ${given}, the ${program} of a build for this machine, ${name} comes without man page and "
+                    "completions")
+    return()
+  endif()
+  if(${given})
+    set(run ${${given}})
+  else()
+    set(run ${program})
+    add_executable(${program}
+      ${ARGN}
+      ${CMAKE_CURRENT_FUNCTION_LIST_DIR}/../pages/bash_completion.cc
+      ${CMAKE_CURRENT_FUNCTION_LIST_DIR}/../pages/fish_completion.cc
+      ${CMAKE_CURRENT_FUNCTION_LIST_DIR}/../pages/man_page.cc
+      ${CMAKE_CURRENT_FUNCTION_LIST_DIR}/../pages/manual.cc
+      ${CMAKE_CURRENT_FUNCTION_LIST_DIR}/../pages/write_pages.cc
+      ${CMAKE_CURRENT_FUNCTION_LIST_DIR}/../pages/zsh_completion.cc
+      $<FILTER:$<TARGET_OBJECTS:${target}>,EXCLUDE,/main[.]cc[.]>)
+    target_link_libraries(${program} PRIVATE $<TARGET_PROPERTY:${target},LINK_LIBRARIES>)
+  endif()
+
+  # Of $SOURCE_DATE_EPOCH where that is set, so that the same sources give the same page.
+  string(TIMESTAMP date "%Y-%m-%d" UTC)
+  # Each lies as it will be installed, so that the folder can be tried without installing it.
+  set(folder ${PROJECT_BINARY_DIR}/pages)
+  set(files "")
+  foreach(page IN ITEMS man/man1/${name}.1 bash-completion/completions/${name} zsh/site-functions/_${name}
+      fish/vendor_completions.d/${name}.fish)
+    cmake_path(GET page PARENT_PATH parent)
+    file(MAKE_DIRECTORY ${folder}/${parent})
+    list(APPEND files ${folder}/${page})
+    set(destination ${CMAKE_INSTALL_DATADIR}/${parent})
+    if(parent STREQUAL man/man1)
+      set(destination ${CMAKE_INSTALL_MANDIR}/man1)
+    endif()
+    install(FILES ${folder}/${page} DESTINATION ${destination} COMPONENT ${component} OPTIONAL)
+  endforeach()
+  add_custom_command(OUTPUT ${files}
+    COMMAND ${run} ${PROJECT_VERSION} ${date} ${files}
+    DEPENDS ${run}
+    COMMENT "Making the man page and the completions of ${name}"
+    VERBATIM)
+  set_target_properties(${target} PROPERTIES L4D_PAGES "${files}")
+  add_custom_target(${name}_pages_files ALL DEPENDS ${files})
+endfunction()

@@ -126,3 +126,28 @@ for verb in "${verbs[@]}"; do
     grep -qE -- "$pattern" section || die "fish, $verb: no $option"
   done
 done
+
+# ---- the trainer ----------------------------------------------------------------------------------
+
+# The same program makes its pages: here, that it knows the command line.
+trainer=$(dirname "$L4DCODEC")/l4dtrain
+[ -x "$trainer" ] || exit 0
+man=$PAGES/man/man1/l4dtrain.1
+bash=$PAGES/bash-completion/completions/l4dtrain
+# shellcheck disable=SC1090
+. "$bash"
+for verb in train eval inspect capture; do
+  { section_of ".SS l4dtrain $verb" && section_of '.SH COMMON OPTIONS'; } > section
+  # shellcheck disable=SC2034  # the function reads them
+  COMP_WORDS=(l4dtrain "$verb" -) COMP_CWORD=2
+  _l4dtrain
+  printf '%s\n' "${COMPREPLY[@]}" > offered
+  "$trainer" "$verb" --help | sed -nE 's/^  (-[^ ]*).*/\1/p' | tr ',' '\n' > options
+  grep -qx -- --json options || die "l4dtrain $verb --help names no --json"
+  while read -r option; do
+    grep -qE -- "^(.*, )?$option(,| |\$)" section || die "man page, l4dtrain $verb: no $option"
+    grep -qx -- "$option" offered || die "bash, l4dtrain $verb: no $option"
+  done < options
+done
+expect_equal "$("$trainer" --version)" "l4dtrain $(l4d version --json | sed -n 's/.*"version": *"\([^"]*\)".*/\1/p' | head -1)"
+expect_equal "$("$trainer" help eval)" "$("$trainer" eval --help)"

@@ -9,7 +9,7 @@ fish=$PAGES/fish/vendor_completions.d/l4dcodec.fish
 missing=''
 
 if command -v mandoc > /dev/null; then
-  mandoc -T lint -W warning "$man" >&2 || die "mandoc complains"
+  mandoc -T lint -W warning "$PAGES"/man/man1/*.1 >&2 || die "mandoc complains"
 else
   missing+=' mandoc'
 fi
@@ -27,7 +27,7 @@ else
 fi
 
 if command -v zsh > /dev/null; then
-  zsh -f -n "$zsh"
+  for file in "$PAGES"/zsh/site-functions/*; do zsh -f -n "$file"; done
   # The shell takes it for the completion of the tool.
   mkdir zsh
   cp "$zsh" zsh
@@ -44,7 +44,7 @@ fish_offers() {
   HOME=$PWD fish --no-config -c "source '$fish'; complete -C '$1'" | cut -f 1 | LC_ALL=C sort | paste -s -d ' '
 }
 if command -v fish > /dev/null; then
-  fish --no-execute "$fish"
+  for file in "$PAGES"/fish/vendor_completions.d/*; do fish --no-execute "$file"; done
   expect_equal "$(fish_offers 'l4dcodec enc')" 'encode'
   expect_equal "$(fish_offers 'l4dcodec help va')" 'validate'
   expect_equal "$(fish_offers 'l4dcodec encode --presen')" '--presentation'

@@ -28,7 +28,7 @@ def run(command):
 
 def options_of(tool, verb):
     text = run([tool, verb, "--help"]).stdout
-    return re.findall(r"^\s+(?:-\w,)?(--[\w-]+) (?:TEXT|UINT|FLOAT|INT)", text, re.MULTILINE)
+    return re.findall(r"^\s+(?:-\w,)?(--[\w-]+) (?:TEXT|N|FILE|FOLDER)\b", text, re.MULTILINE)
 
 
 def main():

@@ -9,9 +9,9 @@ namespace CLI {
 class App;
 }
 
-// What the man page and the completions of shells are made of: the command line of the tool as
-// data.
-namespace l4d::cli {
+// What the man page and the completions of shells are made of: the command line of a tool as data.
+// A tool has verbs, `help VERB` and --version.
+namespace l4d::pages {
 
 struct ManualOption {
   std::string short_name;            // "-o", or empty
@@ -22,7 +22,7 @@ struct ManualOption {
   std::vector<std::string> choices;  // values, where there are only these
   bool repeats = false;
 
-  bool takes_file() const { return value == "FILE"; }
+  bool takes_file() const { return value == "FILE" || value == "FOLDER"; }
   std::vector<std::string> names() const;
 };
 
@@ -53,10 +53,14 @@ struct Manual {
   std::string description;
   std::vector<ManualOption> common;  // options of every verb
   std::vector<ManualVerb> verbs;
-  std::vector<std::pair<int, std::string>> exit_statuses;  // with what each means
+  // What the caller knows: paragraphs on all verbs, and with each exit status what it means. What
+  // else to read, as a request of roff.
+  std::vector<std::string> overview;
+  std::vector<std::pair<int, std::string>> exit_statuses;
+  std::string see_also;
 };
 
-// `app`: with all of its verbs, none of them parsed.
+// `app`: with all of its verbs, none of them parsed. Without what the caller knows.
 Manual manual_of(const CLI::App& app);
 
 // All options that may follow a verb.
@@ -71,4 +75,8 @@ std::string bash_completion(const Manual& manual);
 std::string zsh_completion(const Manual& manual);
 std::string fish_completion(const Manual& manual);
 
-}  // namespace l4d::cli
+// The rest of a program whose arguments are VERSION DATE MAN BASH ZSH FISH, the last four the files
+// to write: its exit status.
+int write_pages(const Manual& manual, int argc, char** argv);
+
+}  // namespace l4d::pages

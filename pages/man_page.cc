@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <cctype>
 
-#include "cli/pages/manual.h"
+#include "pages/manual.h"
 
-namespace l4d::cli {
+namespace l4d::pages {
 namespace {
 
 // Text of a page: nothing in it is a request or an escape. A '-' of a command is one to copy, so
@@ -90,17 +90,6 @@ std::string examples(const Manual& manual) {
   return text;
 }
 
-// What holds for all commands.
-const char* const kDescription[] = {
-    "A codec for long dynamic scenes of 4D rotor Gaussians. It encodes PLY files to streams "
-    "(.l4d), decodes them, whole or in part, and measures, checks and renders scenes.",
-    "A command that takes a scene takes a stream or a PLY file. The file '-' is stdin or stdout. "
-    "What follows '--' is a file and no option.",
-    "Nothing is overwritten without --force, and never what the command itself reads. Output takes "
-    "its name when it is complete: a failure leaves nothing behind.",
-    "Times are seconds (2.5), minutes (1:30) or hours (1:02:03.5). Counts and sizes take k, M, G "
-    "and T (powers of 1000), Ki, Mi, Gi and Ti (of 1024), and a B."};
-
 }  // namespace
 
 std::string man_page(const Manual& manual, const std::string& version, const std::string& date) {
@@ -112,8 +101,8 @@ std::string man_page(const Manual& manual, const std::string& version, const std
   for (const ManualVerb& verb : manual.verbs) text += synopsis(manual, verb);
   text += bold(manual.name) + " " + bold("help") + " [" + italic("command") + "]\n.fi\n";
   text += ".SH DESCRIPTION\n";
-  for (const char* const& paragraph : kDescription) {
-    if (&paragraph != &kDescription[0]) text += ".PP\n";
+  for (const std::string& paragraph : manual.overview) {
+    if (&paragraph != &manual.overview[0]) text += ".PP\n";
     text += line(paragraph);
   }
   text += ".SH COMMANDS\n";
@@ -125,8 +114,7 @@ std::string man_page(const Manual& manual, const std::string& version, const std
     text += ".TP\n" + bold(std::to_string(code)) + "\n" + line(meaning);
   }
   text += ".SH EXAMPLES\n" + examples(manual);
-  text += ".SH SEE ALSO\n.BR ffmpeg (1),\nwhich reads and writes videos for this tool\n";
-  return text;
+  return text + ".SH SEE ALSO\n" + manual.see_also;
 }
 
-}  // namespace l4d::cli
+}  // namespace l4d::pages

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/pages/manual.h"
+#include "pages/manual.h"
 
-namespace l4d::cli {
+namespace l4d::pages {
 namespace {
 
 std::string join(const std::vector<std::string>& words, const std::string& between) {
@@ -92,4 +92,4 @@ std::string bash_completion(const Manual& manual) {
   return text + kEnd + "complete -F " + function + " " + manual.name + "\n";
 }
 
-}  // namespace l4d::cli
+}  // namespace l4d::pages

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/pages/manual.h"
+#include "pages/manual.h"
 
-namespace l4d::cli {
+namespace l4d::pages {
 namespace {
 
 // Inside '..' of zsh and, there, inside [..] or between ':' of _arguments.
@@ -88,4 +88,4 @@ std::string zsh_completion(const Manual& manual) {
   return text + "  esac\n}\n" + function + " \"$@\"\n";
 }
 
-}  // namespace l4d::cli
+}  // namespace l4d::pages

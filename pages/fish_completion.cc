@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/pages/manual.h"
+#include "pages/manual.h"
 
-namespace l4d::cli {
+namespace l4d::pages {
 namespace {
 
 std::string quote(const std::string& text) {
@@ -50,4 +50,4 @@ std::string fish_completion(const Manual& manual) {
   return text;
 }
 
-}  // namespace l4d::cli
+}  // namespace l4d::pages

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/pages/manual.h"
+#include "pages/manual.h"
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <sstream>
 #include <stdexcept>
 
-#include "cli/commands.h"
-
-namespace l4d::cli {
+namespace l4d::pages {
 namespace {
 
 std::vector<std::string> split(const std::string& text, char separator) {
@@ -132,9 +130,6 @@ Manual manual_of(const CLI::App& app) {
       manual.common.push_back(option_of(*option));
     }
   }
-  for (const ExitStatus& status : exit_statuses()) {
-    manual.exit_statuses.emplace_back(status.code, status.meaning);
-  }
   return manual;
 }
 
@@ -155,4 +150,4 @@ std::string in_brief(const std::string& description) {
   return text.substr(0, text.rfind(' ', kLongest)) + " ..";
 }
 
-}  // namespace l4d::cli
+}  // namespace l4d::pages
