@@ -19,13 +19,18 @@ bool pass(InputFile& file, size_t n) {
   return true;
 }
 
-// JPEG (ITU-T T.81, B.1.1.3): segments up to that of the frame, SOF0 to SOF15 but for three codes
-// that mean other things. `file` is behind the first marker, SOI.
+// JPEG (ITU-T T.81, B.1.1): segments up to that of the frame, SOF0 to SOF15 but for three codes
+// that mean other things; 0xff may stand before a marker any number of times. `file` is behind the
+// first marker, SOI.
 bool jpeg_size(InputFile& file, uint32_t* size) {
-  uint8_t head[4], frame[5];
-  while (take(file, head, 4) && head[0] == 0xff) {
-    const unsigned code = head[1];
-    const size_t length = static_cast<size_t>(head[2]) << 8 | head[3];
+  uint8_t marker[2], bytes[2], frame[5];
+  while (take(file, marker, 2) && marker[0] == 0xff) {
+    while (marker[1] == 0xff) {
+      if (!take(file, &marker[1], 1)) return false;
+    }
+    const unsigned code = marker[1];
+    if (!take(file, bytes, 2)) return false;
+    const size_t length = static_cast<size_t>(bytes[0]) << 8 | bytes[1];
     if (length < 2) return false;
     if (code >= 0xc0 && code <= 0xcf && code != 0xc4 && code != 0xc8 && code != 0xcc) {
       if (length < 2 + sizeof frame || !take(file, frame, sizeof frame)) return false;

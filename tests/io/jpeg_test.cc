@@ -56,6 +56,13 @@ class JpegTest : public test::IoTest {
 TEST_F(JpegTest, ColoursAndGreys) {
   EXPECT_EQ(read(jpeg_of(kWidth, kHeight, blocks(3))), "012 345 ");
   EXPECT_EQ(read(jpeg_of(kWidth, kHeight, blocks(1), {JCS_GRAYSCALE})), "012 345 ");
+  // More 0xff before a marker, as the standard allows.
+  const std::string plain = jpeg_of(kWidth, kHeight, blocks(3));
+  EXPECT_EQ(read(plain.substr(0, 2) + "\xff\xff" + plain.substr(2)), "012 345 ");
+  uint32_t size[2];
+  ASSERT_TRUE(image_size(path("a.jpg"), size));
+  EXPECT_EQ(size[0], kWidth);
+  EXPECT_EQ(size[1], kHeight);
   // Red, green and blue keep their places.
   std::vector<uint8_t> orange;
   for (size_t i = 0; i < 64; ++i) orange.insert(orange.end(), {200, 100, 20});
