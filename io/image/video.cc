@@ -73,6 +73,34 @@ std::vector<std::string> input_of(const std::string& path, uint32_t width, uint3
           std::to_string(pixels), "-i",   url_of(path)};
 }
 
+// How ffmpeg decodes a part of a video.
+std::vector<std::string> arguments_of(const std::string& path, uint32_t width, uint32_t height,
+                                      const VideoRange& range) {
+  // Damage ends the frames: what ffmpeg would put in the place of a damaged one is no picture.
+  std::vector<std::string> arguments = {"-xerror", "-err_detect:v", "explode"};
+  if (range.first > 0) {
+    // Half a frame early, for times of frames are rounded.
+    arguments.insert(arguments.end(), {"-ss", decimal((range.first - 0.5) / range.fps)});
+  }
+  // PPM and not raw frames: it tells the size of each frame, so that a video of another size than
+  // the camera's is an error and not a scrambled picture.
+  const std::vector<std::string> input = input_of(path, width, height);
+  arguments.insert(arguments.end(), input.begin(), input.end());
+  // Each frame once: else ffmpeg fills gaps with copies of the frame before.
+  arguments.insert(arguments.end(), {"-map", "0:v:0", "-vsync", "passthrough"});
+  if (range.out_width != 0 && (range.out_width != width || range.out_height != height)) {
+    const auto size = [](uint32_t w, uint32_t h) {
+      return std::to_string(w) + ":" + std::to_string(h);
+    };
+    // Frames that are turned so that one side is shorter fail to be cropped, and are not squeezed.
+    arguments.insert(arguments.end(),
+                     {"-vf", "crop=" + size(width, height) + ":0:0:exact=1,scale=" +
+                                 size(range.out_width, range.out_height) + ":flags=area"});
+  }
+  arguments.insert(arguments.end(), {"-f", "image2pipe", "-c:v", "ppm", "-pix_fmt", "rgb24", "-"});
+  return arguments;
+}
+
 // Whether the boxes of an MP4 fill the file, and one of them lists the frames.
 bool is_whole_mp4(const std::string& path) {
   std::error_code error;
@@ -129,9 +157,21 @@ VideoFacts probe_video(const std::string& path, uint32_t width, uint32_t height)
 }
 
 void check_video(const std::string& path, uint32_t width, uint32_t height) {
-  const VideoFacts facts = probe_video(path, width, height);
-  if (facts.width == width && facts.height == height) return;
-  fail_for_size(path, width, height);
+  if (!has_size(path, probe_video(path, width, height), width, height)) {
+    fail_for_size(path, width, height);
+  }
+}
+
+bool has_size(const std::string& path, const VideoFacts& facts, uint32_t width, uint32_t height) {
+  if (facts.width == width && facts.height == height) return true;
+  if (facts.width != height || facts.height != width) return false;
+  try {  // a decoder knows whether it is to be turned
+    VideoReader reader(path, width, height);
+    return reader.next(static_cast<Image*>(nullptr));
+  } catch (const Error& error) {
+    if (error.status() == L4D_ERR_CORRUPT) return false;
+    throw;
+  }
 }
 
 void decode_video(const std::string& path, uint32_t width, uint32_t height, uint32_t frames) {
@@ -160,28 +200,13 @@ VideoReader::VideoReader(const std::string& path, uint32_t width, uint32_t heigh
   check_size(path, width, height);
   check_size(path, width_, height_);
   check_file(path);
-  // Damage ends the frames: what ffmpeg would put in the place of a damaged one is no picture.
-  std::vector<std::string> arguments = {"-xerror", "-err_detect:v", "explode"};
-  if (range.first > 0) {
-    if (!(range.fps > 0)) {
-      throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": without a frame rate, frame " +
-                                                std::to_string(range.first) + " has no time");
-    }
-    // Half a frame early, for times of frames are rounded.
-    arguments.insert(arguments.end(), {"-ss", decimal((range.first - 0.5) / range.fps)});
+  if (range.first > 0 && !(range.fps > 0)) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": without a frame rate, frame " +
+                                              std::to_string(range.first) + " has no time");
   }
-  // PPM and not raw frames: it tells the size of each frame, so that a video of another size than
-  // the camera's is an error and not a scrambled picture.
-  const std::vector<std::string> input = input_of(path, width, height);
-  arguments.insert(arguments.end(), input.begin(), input.end());
-  // Each frame once: else ffmpeg fills gaps with copies of the frame before.
-  arguments.insert(arguments.end(), {"-map", "0:v:0", "-vsync", "passthrough"});
-  if (width_ != width || height_ != height) {
-    arguments.insert(arguments.end(), {"-vf", "scale=" + std::to_string(width_) + ":" +
-                                                  std::to_string(height_) + ":flags=area"});
-  }
-  arguments.insert(arguments.end(), {"-f", "image2pipe", "-c:v", "ppm", "-pix_fmt", "rgb24", "-"});
-  process_ = std::make_unique<FfmpegProcess>(path, arguments, FfmpegProcess::Direction::kFrom);
+  arguments_ = arguments_of(path, width, height, range);
+  may_turn_ = width != height;
+  process_ = std::make_unique<FfmpegProcess>(path, arguments_, FfmpegProcess::Direction::kFrom);
   header_ = "P6\n" + std::to_string(width_) + " " + std::to_string(height_) + "\n255\n";
   frame_.resize(header_.size() + size_t{3} * width_ * height_);
 }
@@ -207,15 +232,21 @@ void VideoReader::finish() {
 bool VideoReader::fetch() {
   if (process_ == nullptr) return false;
   // The header first: where frames are smaller, a whole frame would be more than there is.
-  const size_t header_bytes = process_->read(frame_.data(), header_.size());
+  size_t header_bytes = process_->read(frame_.data(), header_.size());
+  const auto fits = [&] { return std::equal(header_.begin(), header_.end(), frame_.begin()); };
+  if (may_turn_ && (header_bytes == 0 || !fits())) {
+    // ffmpeg turns frames as the file says; the camera may see them as they are stored.
+    arguments_.insert(arguments_.begin(), "-noautorotate");
+    process_ = std::make_unique<FfmpegProcess>(path_, arguments_, FfmpegProcess::Direction::kFrom);
+    header_bytes = process_->read(frame_.data(), header_.size());
+  }
+  may_turn_ = false;
   if (header_bytes == 0) {
     finish();
     process_.reset();
     return false;
   }
-  if (!std::equal(header_.begin(), header_.end(), frame_.begin())) {
-    fail_for_size(path_, width_, height_);
-  }
+  if (!fits()) fail_for_size(path_, width_, height_);
   const size_t pixel_bytes = frame_.size() - header_.size();
   if (process_->read(&frame_[header_.size()], pixel_bytes) != pixel_bytes) {
     finish();

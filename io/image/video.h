@@ -18,7 +18,7 @@ class FfmpegProcess;  // io/image/ffmpeg_process.h
 
 // What a video says of itself without being decoded.
 struct VideoFacts {
-  uint32_t width = 0, height = 0;  // pixels
+  uint32_t width = 0, height = 0;  // pixels, as they are stored
   uint32_t frames = 0;
   double fps = 0;  // 0 = unknown
 };
@@ -30,6 +30,9 @@ VideoFacts probe_video(const std::string& path, uint32_t width = 0, uint32_t hei
 // The same for what is about to be read as a video of width x height pixels: throws
 // L4D_ERR_CORRUPT if it has another size.
 void check_video(const std::string& path, uint32_t width, uint32_t height);
+// Whether a reader of a video with such facts returns frames of this size: as it is stored, or
+// turned, as phones have it turned.
+bool has_size(const std::string& path, const VideoFacts& facts, uint32_t width, uint32_t height);
 // Decodes all of a video that has this many frames, and keeps nothing. Throws as VideoReader does,
 // and L4D_ERR_CORRUPT if another number of frames comes out.
 void decode_video(const std::string& path, uint32_t width, uint32_t height, uint32_t frames);
@@ -42,10 +45,11 @@ struct VideoRange {
   uint32_t out_width = 0, out_height = 0;  // pixels: frames are averaged by area; 0 = as they are
 };
 
-// The frames of a video in order, from the first on. Throws Error: L4D_ERR_IO where ffmpeg is
-// missing or fails, with its words, as it does on what is no container of frames but a list of
-// other files; L4D_ERR_CORRUPT where frames are not of the size that the camera has, and where the
-// decoder finds damage, which ends the frames before it is concealed.
+// The frames of a video in order, from the first on; turned as the file says, or, if only that is
+// of the camera's size, as they are stored. Throws Error: L4D_ERR_IO where ffmpeg is missing or
+// fails, with its words, as it does on what is no container of frames but a list of other files;
+// L4D_ERR_CORRUPT where frames are not of the size that the camera has, and where the decoder finds
+// damage, which ends the frames before it is concealed.
 class VideoReader {
  public:
   VideoReader(const std::string& path, uint32_t width, uint32_t height);
@@ -73,6 +77,8 @@ class VideoReader {
   std::string path_;
   uint32_t width_, height_;  // of frames as they are returned
   bool is_video_ = false;
+  bool may_turn_ = false;  // not known before the first frame
+  std::vector<std::string> arguments_;
   uint32_t first_ = 0, position_ = 0;
   std::unique_ptr<FfmpegProcess> process_;  // null once the end was reached
   std::string header_;                      // that every frame must have

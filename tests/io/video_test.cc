@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <functional>
@@ -192,6 +193,58 @@ TEST_F(VideoTest, AnotherSizeIsAnError) {
     VideoReader reader(path("a.mp4"), width, 6144 / width);
     EXPECT_EQ(test::status_of([&] { reader.next(&image); }, &message), L4D_ERR_CORRUPT);
     EXPECT_NE(message.find("camera's size"), std::string::npos);
+  }
+}
+
+// The same frames, which players turn by a quarter; false if this ffmpeg cannot say so.
+bool write_turned(const std::string& from, const std::string& to) {
+  const std::vector<std::vector<std::string>> ways = {
+      {"-display_rotation", "90", "-i", from, "-c", "copy", to},
+      {"-i", from, "-c", "copy", "-metadata:s:v:0", "rotate=90", to}};
+  return std::any_of(ways.begin(), ways.end(), [&](std::vector<std::string> words) {
+    words.insert(words.begin(), "-y");
+    try {
+      FfmpegProcess process(to, words, FfmpegProcess::Direction::kFrom);
+      char text[256];
+      while (process.read(text, sizeof text) > 0) {
+      }
+      process.finish();
+      return has_size(to, probe_video(to), 64, 96);
+    } catch (const Error&) {
+      return false;
+    }
+  });
+}
+
+TEST_F(VideoTest, IsTurnedWhereTheCameraIs) {
+  write_video(path("a.mp4"), 96, 64, 3);
+  if (!write_turned(path("a.mp4"), path("b.mp4"))) GTEST_SKIP() << "ffmpeg states no rotation";
+  EXPECT_FALSE(has_size(path("a.mp4"), probe_video(path("a.mp4")), 64, 96));
+  check_video(path("b.mp4"), 64, 96);
+  check_video(path("b.mp4"), 96, 64);
+  EXPECT_EQ(test::status_of([&] { check_video(path("b.mp4"), 64, 64); }), L4D_ERR_CORRUPT);
+  for (const bool halved : {false, true}) {
+    const uint32_t by = halved ? 2 : 1, width = 96 / by, height = 64 / by;
+    VideoRange range;
+    if (halved) range.out_width = width, range.out_height = height;
+    const Image truth = frame(width, height, 1);
+    Image image;
+    // A camera that sees frames as they are stored.
+    VideoReader(path("b.mp4"), 96, 64, range).read(1, &image);
+    EXPECT_GT(psnr_of_mse(mse(image, truth)), 30);
+    // And one that sees them as they are shown: by the left or by the right.
+    if (halved) range.out_width = height, range.out_height = width;
+    VideoReader(path("b.mp4"), 64, 96, range).read(1, &image);
+    ASSERT_TRUE(image.same_size(Image(height, width)));
+    Image left(height, width), right(height, width);
+    for (size_t y = 0; y < width; ++y) {
+      for (size_t x = 0; x < height; ++x) {
+        const size_t to = 3 * (y * height + x);
+        std::copy_n(&truth.rgb[3 * (x * width + width - 1 - y)], 3, &left.rgb[to]);
+        std::copy_n(&truth.rgb[3 * ((height - 1 - x) * width + y)], 3, &right.rgb[to]);
+      }
+    }
+    EXPECT_GT(psnr_of_mse(std::min(mse(image, left), mse(image, right))), 30);
   }
 }
 

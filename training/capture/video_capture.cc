@@ -92,7 +92,7 @@ uint32_t call_on(const std::string& path, const io::Camera& camera, const io::Ca
   } catch (const Error& error) {
     fail(error.status(), path, camera, error.what());
   }
-  if (facts.width != camera.camera.width || facts.height != camera.camera.height) {
+  if (!io::has_size(camera.video, facts, camera.camera.width, camera.camera.height)) {
     fail(L4D_ERR_CORRUPT, path, camera,
          camera.video + " has " + std::to_string(facts.width) + " x " +
              std::to_string(facts.height) + " pixels, and the camera has " +
