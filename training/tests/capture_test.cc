@@ -188,14 +188,17 @@ TEST(Captures, MissingFrames) {
   io::write_png(masked + "/mask.png", io::Image(48, 64));
   EXPECT_THAT(inspected(), HasSubstr("camera 2: its mask: " + masked + "/mask.png has 48 x 64"));
   io::write_png(masked + "/mask.png", io::Image(64, 48));
+  EXPECT_THAT(inspected(), HasSubstr("camera 2: by its mask, " + masked + "/mask.png, none of"));
+  io::Image white(64, 48);
+  std::fill(white.rgb.begin(), white.rgb.end(), 1.0f);
+  io::write_png(masked + "/mask.png", white);
   EXPECT_THAT(inspected(), HasSubstr("cameras    16"));
-  const Capture black = read_capture(masked, {});
-  try {
-    const ImageLoader loader(black, 1);
-    ADD_FAILURE() << "a mask of which no pixel counts";
-  } catch (const io::Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("camera 2: by its mask, " + masked + "/mask.png, none of"));
-  }
+  // It decodes the first image of each camera, whose first bytes may be right.
+  std::filesystem::copy(masked + "/images/cam03", masked + "/cut");
+  std::filesystem::resize_file(masked + "/cut/0000.png", 200);
+  document["cameras"][3]["images"] = "cut/%04d.png";
+  std::ofstream(masked + "/cameras.json") << document;
+  EXPECT_THAT(inspected(), HasSubstr("camera 3, frame 0: " + masked + "/cut/0000.png: bad PNG"));
 }
 
 // Workers render several views at a time, each with a renderer of its own.

@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr size_t kColumns = 6, kMaxCameras = 48;
+constexpr size_t kColumns = 6, kMaxCameras = 48, kMaxDecoded = 256;
 constexpr uint32_t kWidth = 200;  // pixels of an image in the sheet
 
 bool is_png(const fs::path& path) {
@@ -65,13 +65,14 @@ void check_sheet(const std::string& sheet, const std::string& path, const Captur
   }
 }
 
-// The first image of each camera, in rows.
-void write_sheet(const std::string& path, const Capture& capture, uint32_t threads) {
+// The first image of each camera, small, by view: what of a capture cannot be decoded is found so,
+// whatever its first bytes say. Of captures with a camera for each image, of many.
+std::map<uint32_t, Pixels> first_images(const Capture& capture, uint32_t threads) {
   std::map<uint32_t, uint32_t> first;  // view by camera
   for (uint32_t k = 0; k < capture.views.size(); ++k) first.emplace(capture.views[k].camera, k);
   std::vector<uint32_t> views;
   for (const auto& [camera, view] : first) {
-    if (views.size() < kMaxCameras) views.push_back(view);
+    if (views.size() < kMaxDecoded) views.push_back(view);
   }
   const l4d_camera& camera = capture.cameras[0].source.camera;
   const ImageLoader loader(capture, std::min(1.0, static_cast<double>(kWidth) / camera.width));
@@ -81,6 +82,15 @@ void write_sheet(const std::string& path, const Capture& capture, uint32_t threa
     const std::lock_guard<std::mutex> lock(mutex);
     images[view] = std::move(pixels);
   });
+  return images;
+}
+
+// The images of up to kMaxCameras cameras, in rows.
+void write_sheet(const std::string& path, const std::map<uint32_t, Pixels>& images) {
+  std::vector<uint32_t> views;
+  for (const auto& [view, pixels] : images) {
+    if (views.size() < kMaxCameras) views.push_back(view);
+  }
   uint32_t width = 1, height = 1;
   for (const auto& [view, pixels] : images) {
     width = std::max(width, pixels.width);
@@ -123,6 +133,7 @@ Inspection inspect(const std::string& path, const CaptureOptions& options, const
   if (!sheet.empty()) check_sheet(sheet, path, options);
   const Capture capture = read_capture(path, options);
   check_image_files(capture);
+  const std::map<uint32_t, Pixels> images = first_images(capture, threads);
   const CaptureFrame frame = frame_of(capture);
   size_t training = 0, tests = 0, videos = 0, distorted = 0;
   for (const CaptureView& view : capture.views) {
@@ -146,7 +157,7 @@ Inspection inspect(const std::string& path, const CaptureOptions& options, const
                        {"time_offset", camera.source.time_offset},
                        {"distorted", is_distorted}});
   }
-  if (!sheet.empty()) write_sheet(sheet, capture, threads);
+  if (!sheet.empty()) write_sheet(sheet, images);
   char text[600];
   const l4d_camera& first = capture.cameras[0].source.camera;
   std::snprintf(text, sizeof(text),
