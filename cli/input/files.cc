@@ -164,14 +164,14 @@ void check_extension(const std::string& name, const char* option,
 }
 
 void check_one_file(const std::string& name, const char* option,
-                    const std::vector<std::string>& written, bool strict) {
+                    const std::vector<std::string>& written) {
   if (NumberedName::parse(name)) {
     throw usage_error(
         std::string(option) + ": '" + name +
         "' names a sequence, and this is one file; `slice` and `convert` write a file "
         "for each frame");
   }
-  check_extension(name, option, written, strict);
+  check_extension(name, option, written);
 }
 
 std::string output_name(const std::string& given, const std::string& input,

@@ -73,7 +73,7 @@ void check_extension(const std::string& name, const char* option,
                      const std::vector<std::string>& written, bool strict = false);
 // The same, and where the name is that of a sequence (NumberedName), as it is to be one file.
 void check_one_file(const std::string& name, const char* option,
-                    const std::vector<std::string>& written, bool strict = false);
+                    const std::vector<std::string>& written);
 
 // The name of the file that a verb writes, checked: as given, else the input's with `extension`, in
 // the same folder, whatever else is in the name.

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <cstring>
+#include <memory>
 #include <new>
 #include <utility>
 
@@ -18,8 +19,8 @@ namespace {
 
 // Each scan of a progressive file goes through all of the image; encoders write about ten.
 constexpr int kMaxScans = 100;
-// A whole block of a component takes at least a bit or so of each scan: a file this much smaller
-// than its pixels holds none of them.
+// Pixels of a byte. A Huffman code has a bit or more for each block of 64 samples, so that no file
+// has more than 512.
 constexpr uint64_t kMaxInflation = 4096;
 constexpr int kExif = JPEG_APP0 + 1;
 
@@ -160,6 +161,8 @@ StoredImage decode_jpeg(const ImageFile& file, const ImageLimits& limits) {
   const auto fail = [&](const std::string& what) {
     throw Error(L4D_ERR_CORRUPT, file.path + ": bad JPEG: " + what);
   };
+  // What the decoder keeps of the segments that may be EXIF: at most all of the file.
+  const std::shared_ptr<void> segments = hold(limits.holder, file.bytes.size(), file.path);
   JpegReader reader;
   jpeg_decompress_struct& jpeg = reader.jpeg;
   if (!begin(&jpeg, &reader.state, file.bytes.data(), file.bytes.size())) {

@@ -131,7 +131,10 @@ done
 
 # The same program makes its pages: here, that it knows the command line.
 trainer=$(dirname "$L4DCODEC")/l4dtrain
-[ -x "$trainer" ] || exit 0
+if [ ! -x "$trainer" ]; then
+  echo "no l4dtrain in this build: its pages are not looked at"
+  exit 0
+fi
 man=$PAGES/man/man1/l4dtrain.1
 bash=$PAGES/bash-completion/completions/l4dtrain
 # shellcheck disable=SC1090

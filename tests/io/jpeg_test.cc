@@ -112,8 +112,8 @@ TEST_F(JpegTest, ThatIsDamaged) {
 
 TEST_F(JpegTest, IsCounted) {
   const std::string bytes = jpeg_of(kWidth, kHeight, blocks(3));
-  const MemoryBudget little("--limit-memory", bytes.size() + 1000),
-      enough("--limit-memory", bytes.size() + 24 * kWidth * kHeight);
+  const MemoryBudget little("--limit-memory", 2 * bytes.size() + 24 * kWidth * kHeight - 1),
+      enough("--limit-memory", 2 * bytes.size() + 24 * kWidth * kHeight);
   EXPECT_EQ(status(bytes, {0, 0, little.holder()}), L4D_ERR_LIMIT_EXCEEDED);
   EXPECT_EQ(status(bytes, {0, 0, enough.holder()}), L4D_OK);
   EXPECT_EQ(enough.held(), 0U);

@@ -208,15 +208,14 @@ Capture make_video_capture(const std::string& path, io::CameraSet set,
 }
 
 std::string numbered_images_in(const fs::path& folder) {
-  for (const std::string& name : files_in(folder)) {
-    const fs::path file(name);
-    const std::string stem = file.stem().string(), ending = file.extension().string();
-    if (stem.empty() || stem.find_first_not_of("0123456789") != std::string::npos) continue;
-    if (std::find(std::begin(io::kImageExtensions), std::end(io::kImageExtensions), ending) ==
-        std::end(io::kImageExtensions)) {
-      continue;
+  const std::set<std::string> names = files_in(folder);
+  for (const char* ending : io::kImageExtensions) {  // PNG before what may be a copy of it
+    for (const std::string& name : names) {
+      const std::string stem = fs::path(name).stem().string();
+      if (stem.empty() || stem.find_first_not_of("0123456789") != std::string::npos) continue;
+      if (fs::path(name).extension() != ending) continue;
+      return (folder / ("%0" + std::to_string(stem.size()) + "d" + ending)).string();
     }
-    return (folder / ("%0" + std::to_string(stem.size()) + "d" + ending)).string();
   }
   return (folder / "%04d.png").string();
 }

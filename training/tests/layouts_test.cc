@@ -371,6 +371,12 @@ TEST(Layouts, TakeJpegsAndImagesFromOneOn) {
       }
       EXPECT_LT(apart / static_cast<double>(image.rgb.size()), 3);
     });
+    // PNGs beside them, as of pictures that were converted, are taken.
+    const std::string own = folder / "capture/images/" + name_of(1);
+    for (uint32_t f = 0; f < kFrames; ++f) {
+      fs::copy_file(truth.image(1, f), own + "/" + std::to_string(from_one ? f + 1 : f) + ".png");
+    }
+    EXPECT_EQ(fs::path(read(false).views[1].file).extension(), ".png");
     // What is cut off ends its camera, as a PNG does.
     const std::string file = capture.views[kCameras].file;  // frame 1 of camera 0
     fs::resize_file(file, fs::file_size(file) - 40);
