@@ -96,8 +96,8 @@ Status decode_base(SceneFile& file, const PageTask& task, const EntropyTables& t
   decoder.streams = &stream_kernels_simd();
   PageWants wants;
   wants.sh_detail = false;
-  return decode_rans_page(decoder, chunks, header, header.layers[task.layer], tables, task.block(),
-                          task.record.num_gaussians, wants, columns, nullptr, nullptr);
+  RansPage page{&decoder, chunks, task.block(), task.record.num_gaussians, columns};
+  return decode_rans_page(header, header.layers[task.layer], tables, wants, &page);
 }
 
 }  // namespace

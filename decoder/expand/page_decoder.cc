@@ -74,37 +74,45 @@ Status PageDecoder::resolve_codebooks(const PageTask& task, const PageWants& wan
   return {};
 }
 
-Status PageDecoder::parse_rans_page(const PageTask& task, const PageWants& wants,
-                                    const EntropyTables& tables, ByteSpan bytes,
-                                    const ByteSpan* detail, PageScratch& scratch,
-                                    SectionBytes* sections, Status* detail_status) {
-  const SceneHeader& header = file_.header();
-  RansPageChunks parts;
-  parts.first = bytes;
+// A page of a batch on its way to columns.
+struct PageDecoder::Parsing {
+  std::unique_ptr<PageScratch> scratch;
+  SectionBytes sections{};
+  RansPage rans;  // where it is one: all that decoding it takes
+  bool is_rans = false;
+};
+
+void PageDecoder::start_rans_page(const Pages& pages, size_t i, Parsing* page, Batch* batch) {
+  const PageTask& task = pages.plan.tasks[batch->begin + i];
+  RansPage& rans = page->rans;
+  page->is_rans = true;
+  rans.decoder = &page->scratch->rans;
+  rans.block = task.block();
+  rans.n = task.record.num_gaussians;
+  rans.out = &page->scratch->columns;
+  if (pages.sections != nullptr) rans.sections = &page->sections;
+  RansPageChunks& parts = rans.parts;
+  parts.first = batch->pages[i];
   parts.first_at = task.record.chunk.offset;
   parts.has_detail = task.record.has_sh_detail();
-  if (detail != nullptr && detail_status->ok()) {
-    *detail_status = check_page_chunk(header, task.record, true, *detail);
-    parts.detail = *detail;
-    parts.detail_at = task.record.sh_detail.offset;
-  }
-  const bool decodes_detail = detail != nullptr && detail_status->ok();
-  return decode_rans_page(scratch.rans, parts, header, header.layers[task.layer], tables,
-                          task.block(), task.record.num_gaussians, wants, &scratch.columns,
-                          sections, decodes_detail ? detail_status : nullptr);
+  Status& detail = batch->detail_status[i];
+  if (!pages.with_detail() || !parts.has_detail || !detail.ok()) return;
+  parts.detail = batch->details[i];
+  parts.detail_at = task.record.sh_detail.offset;
+  detail = check_page_chunk(file_.header(), task.record, true, parts.detail);
+  if (detail.ok()) rans.detail = &detail;
 }
 
-Status PageDecoder::decode_one(const Pages& pages, size_t i, PageScratch& scratch,
-                               SectionBytes* sections, Batch* batch) {
-  L4D_RETURN_IF_ERROR(parse_one(pages, i, scratch, sections, batch));
+Status PageDecoder::finish_page(const Pages& pages, size_t i, PageScratch& scratch,
+                                const Batch& batch) {
   symbols_decoded_.fetch_add(scratch.columns.symbols, std::memory_order_relaxed);
-  const PageTask& task = pages.plan.tasks[batch->begin + i];
+  const PageTask& task = pages.plan.tasks[batch.begin + i];
   const LayerHeader& layer = file_.header().layers[task.layer];
   if (layer.flat() && pages.wants.mean_t) {
     L4D_RETURN_IF_ERROR(check_windows(file_.header(), layer, task.record.bucket,
                                       task.record.chunk.offset, scratch.columns));
   }
-  return pages.check_rules ? check_rules(pages, i, scratch, *batch) : Status();
+  return pages.check_rules ? check_rules(pages, i, scratch, batch) : Status();
 }
 
 Status PageDecoder::check_rules(const Pages& pages, size_t i, PageScratch& scratch,
@@ -132,26 +140,47 @@ Status PageDecoder::check_rules(const Pages& pages, size_t i, PageScratch& scrat
                           &rows.slices);
 }
 
-Status PageDecoder::parse_one(const Pages& pages, size_t i, PageScratch& scratch,
-                              SectionBytes* sections, Batch* batch) {
+Status PageDecoder::start_page(const Pages& pages, size_t i, Parsing* page, Batch* batch) {
   const SceneHeader& header = file_.header();
   const PageTask& task = pages.plan.tasks[batch->begin + i];
   const ByteSpan bytes = batch->pages[i];
   L4D_RETURN_IF_ERROR(check_page_chunk(header, task.record, false, bytes));
   if (batch->tables[i] != nullptr) {
-    const bool has_detail = pages.with_detail() && task.record.has_sh_detail();
-    return parse_rans_page(task, pages.wants, *batch->tables[i], bytes,
-                           has_detail ? &batch->details[i] : nullptr, scratch, sections,
-                           &batch->detail_status[i]);
+    start_rans_page(pages, i, page, batch);
+    return {};
   }
   const ChunkRef& chunk = task.record.chunk;
+  PageScratch& scratch = *page->scratch;
   ByteSpan raw;
   L4D_RETURN_IF_ERROR(decode_chunk(scratch.stream, chunk.codec, bytes, chunk.raw_bytes,
                                    max_page_bytes(header, task.record.num_gaussians), chunk.offset,
                                    scratch.storage, &raw));
   return decode_page(scratch.stream, raw, chunk.offset, header, header.layers[task.layer],
                      task.block(), task.record.num_gaussians, pages.wants, &scratch.columns,
-                     sections);
+                     pages.sections == nullptr ? nullptr : &page->sections);
+}
+
+void PageDecoder::parse_pages(const Pages& pages, size_t first, size_t last, Parsing* parsing,
+                              Batch* batch) {
+  for (size_t i = first; i < last; ++i) {
+    if (batch->status[i].ok()) batch->status[i] = start_page(pages, i, &parsing[i - first], batch);
+  }
+  const SceneHeader& header = file_.header();
+  const auto layer_of = [&](size_t i) { return pages.plan.tasks[batch->begin + i].layer; };
+  if (last - first == 2 && parsing[0].is_rans && parsing[1].is_rans &&
+      layer_of(first) == layer_of(first + 1)) {
+    decode_rans_pages(header, header.layers[layer_of(first)], *batch->tables[first], pages.wants,
+                      &parsing[0].rans, &parsing[1].rans);
+    for (size_t i = first; i < last; ++i) {
+      batch->status[i] = std::move(parsing[i - first].rans.status);
+    }
+    return;
+  }
+  for (size_t i = first; i < last; ++i) {
+    if (!parsing[i - first].is_rans) continue;
+    batch->status[i] = decode_rans_page(header, header.layers[layer_of(i)], *batch->tables[i],
+                                        pages.wants, &parsing[i - first].rans);
+  }
 }
 
 Status PageDecoder::load_shared_codebooks(const Pages& pages) {
@@ -184,24 +213,29 @@ Status PageDecoder::find_tables(const Pages& pages, Batch* batch) {
 }
 
 void PageDecoder::decode_batch(const Pages& pages, const PageBody& body, Batch* batch) {
+  const size_t n = batch->end - batch->begin;
+  // Pages go in pairs where that leaves no thread without one.
+  const size_t at_once = n >= 4 * static_cast<size_t>(resolve_threads(threads_)) ? 2 : 1;
   std::mutex sections_mutex;
-  parallel_for(threads_, batch->end - batch->begin, 1, [&](size_t first, size_t last) {
-    auto scratch = take_scratch();
+  parallel_for(threads_, n, at_once, [&](size_t first, size_t last) {
+    Parsing parsing[2];
+    for (size_t i = first; i < last; ++i) parsing[i - first].scratch = take_scratch();
+    parse_pages(pages, first, last, parsing, batch);
     for (size_t i = first; i < last; ++i) {
-      if (!batch->status[i].ok()) continue;
-      SectionBytes sections{};
-      batch->status[i] =
-          decode_one(pages, i, *scratch, pages.sections == nullptr ? nullptr : &sections, batch);
+      Parsing& page = parsing[i - first];
+      if (batch->status[i].ok()) batch->status[i] = finish_page(pages, i, *page.scratch, *batch);
       const Status& detail = batch->detail_status[i];
       const bool whole = detail.ok() || (pages.lost != nullptr && is_loss(detail));
-      if (!batch->status[i].ok() || !whole) continue;
-      if (pages.sections != nullptr) {
-        std::lock_guard<std::mutex> lock(sections_mutex);
-        for (size_t s = 0; s < sections.size(); ++s) (*pages.sections)[s] += sections[s];
+      if (batch->status[i].ok() && whole) {
+        if (pages.sections != nullptr) {
+          std::lock_guard<std::mutex> lock(sections_mutex);
+          for (size_t s = 0; s < page.sections.size(); ++s)
+            (*pages.sections)[s] += page.sections[s];
+        }
+        body(batch->begin + i, page.scratch->columns, batch->codebooks[i], *page.scratch);
       }
-      body(batch->begin + i, scratch->columns, batch->codebooks[i], *scratch);
+      give_scratch(std::move(page.scratch));
     }
-    give_scratch(std::move(scratch));
   });
 }
 

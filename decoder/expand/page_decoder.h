@@ -89,6 +89,7 @@ class PageDecoder {
     bool with_detail() const { return wants.sh && wants.sh_detail; }
   };
   struct Batch;
+  struct Parsing;
   using PageBody = std::function<void(size_t task, const PageColumns& columns,
                                       const PageCodebooks& codebooks, PageScratch& scratch)>;
   // Reads pages in batches, checks and parses them in parallel and hands their columns to `body`.
@@ -100,14 +101,14 @@ class PageDecoder {
   void decode_batch(const Pages& pages, const PageBody& body, Batch* batch);
   // The first failure that ends the call; the others go to pages.lost.
   Status collect_failures(const Pages& pages, Batch* batch);
-  Status decode_one(const Pages& pages, size_t i, PageScratch& scratch, SectionBytes* sections,
-                    Batch* batch);
-  Status parse_one(const Pages& pages, size_t i, PageScratch& scratch, SectionBytes* sections,
-                   Batch* batch);
+  // Checks a page; parses one that is not coded by rANS, and says of others what there is to parse.
+  Status start_page(const Pages& pages, size_t i, Parsing* page, Batch* batch);
+  void start_rans_page(const Pages& pages, size_t i, Parsing* page, Batch* batch);
+  // Pages [first, last) of the batch, at most two.
+  void parse_pages(const Pages& pages, size_t first, size_t last, Parsing* parsing, Batch* batch);
+  // Counts a parsed page and checks its rules.
+  Status finish_page(const Pages& pages, size_t i, PageScratch& scratch, const Batch& batch);
   Status check_rules(const Pages& pages, size_t i, PageScratch& scratch, const Batch& batch);
-  Status parse_rans_page(const PageTask& task, const PageWants& wants, const EntropyTables& tables,
-                         ByteSpan bytes, const ByteSpan* detail, PageScratch& scratch,
-                         SectionBytes* sections, Status* detail_status);
   Status resolve_codebooks(const PageTask& task, const PageWants& wants, PageCodebooks* out);
   std::unique_ptr<PageScratch> take_scratch();
   void give_scratch(std::unique_ptr<PageScratch> scratch);

@@ -111,24 +111,39 @@ struct RansPageChunks {
   uint64_t detail_at = 0;
 };
 
-// Parses a rans32 page with the tables of its layer. Channels are coded one after another, so that
-// only those behind the last one that is wanted can be left out, and the SH chunk; columns before
-// are filled unasked. With `sections`, all are parsed. `detail` is null where the SH chunk is not
-// wanted or there is none; else it gets what became of that, beside which the columns hold the base
-// chunk as if the second were not wanted.
+// Working memory of one page at a time.
 struct RansDecoder {
   const RansKernels* kernels = nullptr;
   const StreamKernels* streams = nullptr;
   std::vector<uint64_t> wide;
   std::vector<uint16_t> codes;
-  std::vector<uint8_t> tables, step_exponent, eob_index, before,
+  std::vector<uint8_t> contexts, tables, step_exponent, eob_index, before,
       last;  // of the Gaussians that a channel is about
 };
-Status decode_rans_page(RansDecoder& decoder, const RansPageChunks& parts,
-                        const SceneHeader& header, const LayerHeader& layer,
-                        const EntropyTables& tables, const BlockRecord* block, size_t n,
-                        const PageWants& wants, PageColumns* out, SectionBytes* sections,
-                        Status* detail);
+
+struct RansPage {
+  RansDecoder* decoder = nullptr;
+  RansPageChunks parts;
+  const BlockRecord* block = nullptr;  // may be null
+  size_t n = 0;
+  PageColumns* out = nullptr;
+  SectionBytes* sections = nullptr;  // where set, all channels are parsed
+  // Null where the SH chunk is not wanted or there is none; else it gets what became of that,
+  // beside which the columns hold the base chunk as if the second were not wanted.
+  Status* detail = nullptr;
+  Status status{};  // ok before
+};
+
+// Parses a rans32 page with the tables of its layer. Channels are coded one after another, so that
+// only those behind the last one that is wanted can be left out, and the SH chunk; columns before
+// are filled unasked. Returns the status of the page.
+Status decode_rans_page(const SceneHeader& header, const LayerHeader& layer,
+                        const EntropyTables& tables, const PageWants& wants, RansPage* page);
+// Two pages of a layer at once, each as if alone: the states of one do not wait for those of the
+// other.
+void decode_rans_pages(const SceneHeader& header, const LayerHeader& layer,
+                       const EntropyTables& tables, const PageWants& wants, RansPage* first,
+                       RansPage* second);
 
 // Walks the channels of a page that rANS can code in their order, with the context of each symbol:
 // what counts tokens for tables and what codes with them see the same. Either span of values is

@@ -32,9 +32,4 @@ inline uint64_t page_morton(const SceneHeader& header, const PageColumns& column
                      order_half(columns.position[2][i]));
 }
 
-// Contexts of coefficient k of n Gaussians: their step_exponents, and the magnitudes (15 = that or
-// more) of the two coefficients before.
-void coefficient_contexts(const uint8_t* step_exponent, const uint8_t* last, const uint8_t* before,
-                          size_t n, unsigned k, uint8_t* contexts);
-
 }  // namespace l4d

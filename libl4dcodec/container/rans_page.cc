@@ -10,72 +10,88 @@
 namespace l4d {
 namespace {
 
-constexpr uint8_t kLargeMagnitude = 15;  // all contexts end below
-
-uint8_t small_magnitude(int16_t q) {
-  const int magnitude = q < 0 ? -int{q} : int{q};
-  return static_cast<uint8_t>(std::min<int>(magnitude, kLargeMagnitude));
-}
-
 // Values are known to fit.
 template <typename From, typename To>
 void narrow(const From* src, size_t n, To* dst) {
   for (size_t i = 0; i < n; ++i) dst[i] = static_cast<To>(src[i]);
 }
 
+// A page whose channels are taken one after the other: next() prepares what one takes from the
+// lanes, task() or take_wide() takes it, and done() checks it and turns it into columns.
 class RansPageParser {
  public:
-  RansPageParser(RansDecoder& decoder, const SceneHeader& header, const LayerHeader& layer,
-                 const EntropyTables& tables, const BlockRecord* block, size_t n,
-                 const PageWants& wants, PageColumns* out, SectionBytes* sections)
-      : d_(decoder),
+  RansPageParser(const SceneHeader& header, const LayerHeader& layer, const EntropyTables& tables,
+                 const PageWants& wants, RansPage& page)
+      : d_(*page.decoder),
         header_(header),
         layer_(layer),
         tables_(tables),
-        block_(block),
-        n_(n),
         wants_(wants),
-        out_(*out),
-        sections_(sections) {}
-
-  Status run(const RansPageChunks& parts, Status* detail) {
+        page_(page),
+        out_(*page.out),
+        n_(page.n),
+        status_(&page.status) {
     out_.n = n_;
     out_.symbols = 0;
-    out_.sh_detail = !parts.has_detail;
+    out_.sh_detail = !page.parts.has_detail;
     for (ComponentColumns& c : out_.component) {
       c.index_count.fill(0);
       c.num_escapes = 0;
       c.coefficient_count.fill(0);
     }
     const size_t channels = tables_.channels.size();
-    const size_t middle =
-        parts.has_detail ? first_detail_channel(header_, tables_.channels) : channels;
-    L4D_RETURN_IF_ERROR(run_block(parts.first, parts.first_at, 0, middle));
-    if (detail == nullptr) return {};
-    *detail = run_block(parts.detail, parts.detail_at, middle, channels);
-    out_.sh_detail = detail->ok();
-    return {};
+    middle_ = page.parts.has_detail ? first_detail_channel(header_, tables_.channels) : channels;
+    start_block(page.parts.first, page.parts.first_at, 0, middle_);
+  }
+
+  // False behind the last channel, and where the page is damaged.
+  bool next() {
+    while (status_->ok() && channel_ == last_) {
+      if (last_ == end_ && !rans_block_finished(lanes_)) {
+        *status_ = corrupt("RANS-7", at_,
+                           "a rANS block does not end with its words and in its first state");
+      } else if (page_.detail == nullptr || status_ == page_.detail) {
+        return false;
+      } else {
+        status_ = page_.detail;
+        start_block(page_.parts.detail, page_.parts.detail_at, middle_, tables_.channels.size());
+      }
+      // What became of the SH chunk, at its start and at its end.
+      if (status_ == page_.detail) out_.sh_detail = status_->ok();
+    }
+    if (status_->ok()) prepare(channel_);
+    return status_->ok();
+  }
+
+  size_t channel() const { return channel_; }
+  bool is_wide() const { return tables_.channels[channel_].kind == ChannelKind::kPosition; }
+  RansHybridTask& task() { return task_; }
+  // The tables of the channel at hand, for task() and take_wide().
+  const uint32_t* tables() const { return entries_; }
+  void take_wide() { d_.kernels->wide(lanes_, entries_, nullptr, n_, d_.wide.data()); }
+
+  void done() {
+    *status_ = finish(channel_);
+    if (status_ == page_.detail) out_.sh_detail = status_->ok();
+    if (page_.sections != nullptr) {
+      (*page_.sections)[section_of(tables_.channels[channel_])] +=
+          static_cast<uint64_t>(lanes_.next - counted_);
+      counted_ = lanes_.next;
+    }
+    ++channel_;
   }
 
  private:
-  Status run_block(ByteSpan block, uint64_t at, size_t first, size_t last) {
+  // Channels behind the last one that is wanted stay coded.
+  void start_block(ByteSpan block, uint64_t at, size_t first, size_t end) {
     at_ = at;
-    L4D_RETURN_IF_ERROR(open_rans_block(block, at_, &lanes_));
-    const unsigned char* counted = lanes_.next;
-    // Channels behind the last one that is wanted stay coded.
-    const size_t all = last;
-    while (sections_ == nullptr && last > first && !wanted(tables_.channels[last - 1])) --last;
-    for (size_t p = first; p < last; ++p) {
-      L4D_RETURN_IF_ERROR(run_channel(p));
-      if (sections_ == nullptr) continue;
-      (*sections_)[section_of(tables_.channels[p])] += static_cast<uint64_t>(lanes_.next - counted);
-      counted = lanes_.next;
+    *status_ = open_rans_block(block, at_, &lanes_);
+    counted_ = lanes_.next;
+    channel_ = first;
+    last_ = end_ = end;
+    while (page_.sections == nullptr && last_ > first && !wanted(tables_.channels[last_ - 1])) {
+      --last_;
     }
-    if (last == all && !rans_block_finished(lanes_)) {
-      return corrupt("RANS-7", at_,
-                     "a rANS block does not end with its words and in its first state");
-    }
-    return {};
   }
 
   bool wanted(const ChannelSpec& p) const {
@@ -114,16 +130,17 @@ class RansPageParser {
     }
   }
 
-  // Decodes channel p for `count` Gaussians, whose contexts are given where it has more than one.
-  // They are below `limit`.
-  void hybrid(size_t p, const uint8_t* contexts, size_t count, uint16_t* dst,
-              size_t limit = kMaxEntropyTables) {
+  // Channel p takes `count` values to dst, with a context for each where it has more than one; they
+  // are below `limit`.
+  void take(size_t p, const uint8_t* contexts, size_t count, uint16_t* dst,
+            size_t limit = kMaxEntropyTables) {
     out_.symbols += count;
     const std::vector<uint8_t>& map = tables_.maps[p];
     const bool one = std::all_of(map.begin(), map.end(), [&](uint8_t t) { return t == map[0]; });
+    task_ = {&lanes_, nullptr, count, dst};
+    entries_ = tables_.entries.data();
     if (contexts == nullptr || one) {
-      d_.kernels->hybrid(lanes_, tables_.entries.data() + size_t{map[0]} * kRansSlots, nullptr,
-                         count, dst);
+      entries_ += size_t{map[0]} * kRansSlots;
       return;
     }
     grow(d_.tables, count);
@@ -131,78 +148,122 @@ class RansPageParser {
     std::copy(map.begin(), map.end(), padded.begin());
     d_.streams->map_bytes(padded.data(), std::min(map.size(), limit), contexts, count,
                           d_.tables.data());
-    d_.kernels->hybrid(lanes_, tables_.entries.data(), d_.tables.data(), count, dst);
+    task_.contexts = d_.tables.data();
+  }
+  void take(size_t p, size_t count, std::vector<uint16_t>* dst) {
+    grow(*dst, count);
+    take(p, nullptr, count, dst->data());
   }
 
-  Status below(const uint16_t* values, size_t count, uint32_t limit, const char* clause,
-               uint32_t* found = nullptr) const {
+  // Of what the channel at hand has taken.
+  Status below(uint32_t limit, const char* clause, uint32_t* found = nullptr) const {
     if (limit > 0xffff) return {};
-    const uint32_t largest = d_.streams->max_value(values, count);
+    const uint32_t largest = d_.streams->max_value(task_.dst, task_.count);
     if (found != nullptr) *found = largest;
     if (largest < limit) return {};
     return corrupt(clause, at_,
                    "value " + std::to_string(largest) + " is not below " + std::to_string(limit));
   }
 
-  Status run_channel(size_t p) {
+  void prepare(size_t p) {
     const ChannelSpec& spec = tables_.channels[p];
     ComponentColumns& c = out_.component[spec.component];
     switch (spec.kind) {
       case ChannelKind::kPosition:
-        return positions(p);
+        grow(d_.wide, n_);
+        out_.symbols += n_;
+        entries_ = tables_.entries.data() + size_t{tables_.maps[p][0]} * kRansSlots;
+        break;
       case ChannelKind::kMeanT:
-        grow(out_.mean_t, n_);
-        hybrid(p, nullptr, n_, out_.mean_t.data());
-        L4D_RETURN_IF_ERROR(below(out_.mean_t.data(), n_, 1u << layer_.mean_t_width(), "STRM-3"));
+        take(p, n_, &out_.mean_t);
+        break;
+      case ChannelKind::kMeanTFine:
+        take(p, n_, &out_.mean_t_fine);
+        break;
+      case ChannelKind::kWindow:
+        take(p, n_, &out_.window[spec.index]);
+        break;
+      case ChannelKind::kOpacity:
+        take(p, n_, &out_.opacity);
+        break;
+      case ChannelKind::kScaleFactor:
+        take(p, n_, &out_.scale_factor);
+        break;
+      case ChannelKind::kDepth:
+        take(p, n_, &d_.codes);
+        break;
+      case ChannelKind::kIndex:
+        if (!header_.component(layer_, spec.component).has_depth()) c.index_count[spec.index] = n_;
+        take(p, c.index_count[spec.index], &c.index[spec.index]);
+        break;
+      case ChannelKind::kEscape:
+        take(p, c.num_escapes, &d_.codes);
+        break;
+      case ChannelKind::kStepExponent: {
+        grow(d_.codes, n_);
+        grow(d_.step_exponent, n_);
+        const ComponentColumns* before = step_exponent_component_;
+        if (before == nullptr) std::fill_n(d_.step_exponent.begin(), n_, uint8_t{0});
+        take(p, before == nullptr ? d_.step_exponent.data() : before->step_exponent.data(), n_,
+             d_.codes.data(), step_exponents_);
+        break;
+      }
+      case ChannelKind::kEobIndex:
+        grow(d_.codes, n_);
+        take(p, c.step_exponent.data(), n_, d_.codes.data(), step_exponents_);
+        break;
+      case ChannelKind::kCoefficient:
+        prepare_coefficient(p, c, header_.component(layer_, spec.component), spec.index);
+        break;
+    }
+  }
+
+  Status finish(size_t p) {
+    const ChannelSpec& spec = tables_.channels[p];
+    ComponentColumns& c = out_.component[spec.component];
+    const ComponentCoding& coding = header_.component(layer_, spec.component);
+    switch (spec.kind) {
+      case ChannelKind::kPosition:
+        return positions();
+      case ChannelKind::kMeanT:
+        L4D_RETURN_IF_ERROR(below(1u << layer_.mean_t_width(), "STRM-3"));
         return finish_mean_t(layer_, *d_.streams, n_, at_, out_.mean_t.data());
       case ChannelKind::kMeanTFine:
-        grow(out_.mean_t_fine, n_);
-        hybrid(p, nullptr, n_, out_.mean_t_fine.data());
         return {};
-      case ChannelKind::kWindow: {
-        std::vector<uint16_t>& column = out_.window[spec.index];
-        grow(column, n_);
-        hybrid(p, nullptr, n_, column.data());
-        return below(column.data(), n_, 1u << layer_.window_width(spec.index), "STRM-3");
-      }
+      case ChannelKind::kWindow:
+        return below(1u << layer_.window_width(spec.index), "STRM-3");
       case ChannelKind::kOpacity:
-        grow(out_.opacity, n_);
-        hybrid(p, nullptr, n_, out_.opacity.data());
-        return below(out_.opacity.data(), n_, 1u << header_.opacity.bits, "STRM-3");
+        return below(1u << header_.opacity.bits, "STRM-3");
       case ChannelKind::kScaleFactor:
-        grow(out_.scale_factor, n_);
-        hybrid(p, nullptr, n_, out_.scale_factor.data());
-        return below(out_.scale_factor.data(), n_, 1u << layer_.scale_factor.bits, "STRM-3");
+        return below(1u << layer_.scale_factor.bits, "STRM-3");
       case ChannelKind::kDepth:
-        return depths(p, spec.component);
-      case ChannelKind::kIndex: {
-        const ComponentCoding& coding = header_.component(layer_, spec.component);
-        if (!coding.has_depth()) c.index_count[spec.index] = n_;
-        const size_t count = c.index_count[spec.index];
-        grow(c.index[spec.index], count);
-        hybrid(p, nullptr, count, c.index[spec.index].data());
-        const uint32_t limit = spec.index == 0
-                                   ? stage0_entries(header_, layer_, spec.component, block_)
-                                   : coding.stages[spec.index].num_entries;
-        return below(c.index[spec.index].data(), count, limit, "VQ-2");
-      }
+        grow(c.depth, n_);
+        return count_depths(coding, d_.codes.data(), n_, at_, &c);
+      case ChannelKind::kIndex:
+        return below(spec.index == 0 ? stage0_entries(header_, layer_, spec.component, page_.block)
+                                     : coding.stages[spec.index].num_entries,
+                     "VQ-2");
       case ChannelKind::kEscape:
-        return escapes(p, spec);
+        return escapes(spec);
       case ChannelKind::kStepExponent:
-        return step_exponents(p, spec.component);
+        return step_exponents(coding, c);
       case ChannelKind::kEobIndex:
-        return eob_indices(p, spec.component);
+        grow(c.eob_index, n_);
+        L4D_RETURN_IF_ERROR(below(static_cast<uint32_t>(coding.eob_table.size() + 1), "TRAN-6"));
+        narrow(d_.codes.data(), n_, c.eob_index.data());
+        return {};
       case ChannelKind::kCoefficient:
-        return coefficients(p, spec.component, spec.index);
+        c.coefficient_count[spec.index] = members_;
+        grow(c.coefficient[spec.index], members_ + kCoefficientPadding);
+        d_.before.swap(d_.last);
+        d_.streams->unzigzag(d_.codes.data(), members_, c.coefficient[spec.index].data(),
+                             d_.last.data());
+        return {};
     }
     return {};
   }
 
-  Status positions(size_t p) {
-    grow(d_.wide, n_);
-    out_.symbols += n_;
-    d_.kernels->wide(lanes_, tables_.entries.data() + size_t{tables_.maps[p][0]} * kRansSlots,
-                     nullptr, n_, d_.wide.data());
+  Status positions() {
     const bool fixed = header_.position == CoordinateCodingId::kFixed;
     const unsigned bits = fixed ? header_.position_bits : 16;
     uint64_t code = 0, above = 0;
@@ -244,21 +305,10 @@ class RansPageParser {
     return {};
   }
 
-  Status depths(size_t p, unsigned component) {
-    ComponentColumns& c = out_.component[component];
-    const ComponentCoding& coding = header_.component(layer_, component);
-    grow(d_.codes, n_);
-    grow(c.depth, n_);
-    hybrid(p, nullptr, n_, d_.codes.data());
-    return count_depths(coding, d_.codes.data(), n_, at_, &c);
-  }
-
-  Status escapes(size_t p, const ChannelSpec& spec) {
+  Status escapes(const ChannelSpec& spec) {
     ComponentColumns& c = out_.component[spec.component];
     const size_t dim = header_.component_dim(layer_, spec.component);
     const size_t count = c.num_escapes;
-    grow(d_.codes, count);
-    hybrid(p, nullptr, count, d_.codes.data());
     if (d_.streams->unorder_halves(d_.codes.data(), count) >= 0x7c00u) {
       return corrupt("VAL-2", at_, "a coded value is not finite");
     }
@@ -267,41 +317,21 @@ class RansPageParser {
     return {};
   }
 
-  Status step_exponents(size_t p, unsigned component) {
-    ComponentColumns& c = out_.component[component];
-    grow(d_.codes, n_);
-    grow(c.step_exponent, n_);
-    grow(d_.step_exponent, n_);
-    if (step_exponent_component_ == nullptr) std::fill_n(d_.step_exponent.begin(), n_, uint8_t{0});
-    const uint8_t* contexts = step_exponent_component_ == nullptr
-                                  ? d_.step_exponent.data()
-                                  : step_exponent_component_->step_exponent.data();
-    hybrid(p, contexts, n_, d_.codes.data(), step_exponents_);
+  Status step_exponents(const ComponentCoding& coding, ComponentColumns& c) {
     uint32_t largest = 0;
-    L4D_RETURN_IF_ERROR(below(d_.codes.data(), n_, kTransformStepExponents, "TRAN-5", &largest));
+    L4D_RETURN_IF_ERROR(below(kTransformStepExponents, "TRAN-5", &largest));
     step_exponents_ = largest + 1;
+    grow(c.step_exponent, n_);
     narrow(d_.codes.data(), n_, c.step_exponent.data());
     step_exponent_component_ = &c;
-    if (header_.component(layer_, component).eob_table.size() > 1) return {};
+    if (coding.eob_table.size() > 1) return {};
     grow(c.eob_index, n_);
     std::fill_n(c.eob_index.begin(), n_, uint8_t{1});
     return {};
   }
 
-  Status eob_indices(size_t p, unsigned component) {
-    ComponentColumns& c = out_.component[component];
-    grow(d_.codes, n_);
-    grow(c.eob_index, n_);
-    hybrid(p, c.step_exponent.data(), n_, d_.codes.data(), step_exponents_);
-    const size_t steps = header_.component(layer_, component).eob_table.size();
-    L4D_RETURN_IF_ERROR(below(d_.codes.data(), n_, static_cast<uint32_t>(steps + 1), "TRAN-6"));
-    narrow(d_.codes.data(), n_, c.eob_index.data());
-    return {};
-  }
-
-  Status coefficients(size_t p, unsigned component, unsigned k) {
-    ComponentColumns& c = out_.component[component];
-    const ComponentCoding& coding = header_.component(layer_, component);
+  void prepare_coefficient(size_t p, const ComponentColumns& c, const ComponentCoding& coding,
+                           unsigned k) {
     if (k == 0) {
       step_ = 0;
       members_ = n_;
@@ -318,19 +348,14 @@ class RansPageParser {
     }
     const uint8_t* contexts = d_.step_exponent.data();
     if (k > 0) {
-      grow(contexts_, members_);
+      grow(d_.contexts, members_);
       d_.streams->coefficient_contexts(d_.step_exponent.data(), d_.last.data(), d_.before.data(),
-                                       members_, contexts_.data());
-      contexts = contexts_.data();
+                                       members_, d_.contexts.data());
+      contexts = d_.contexts.data();
     }
     grow(d_.codes, members_);
-    hybrid(p, contexts, members_, d_.codes.data(),
-           k > 0 ? kMagnitudes * step_exponents_ : step_exponents_);
-    c.coefficient_count[k] = members_;
-    grow(c.coefficient[k], members_ + kCoefficientPadding);
-    d_.before.swap(d_.last);
-    d_.streams->unzigzag(d_.codes.data(), members_, c.coefficient[k].data(), d_.last.data());
-    return {};
+    take(p, contexts, members_, d_.codes.data(),
+         k > 0 ? kMagnitudes * step_exponents_ : step_exponents_);
   }
 
   // Leaves those Gaussians whose EOB index reaches the step at hand.
@@ -344,192 +369,74 @@ class RansPageParser {
   const SceneHeader& header_;
   const LayerHeader& layer_;
   const EntropyTables& tables_;
-  const BlockRecord* block_;
-  size_t n_;
   const PageWants& wants_;
+  RansPage& page_;
   PageColumns& out_;
-  SectionBytes* sections_;
+  size_t n_;
+  Status* status_;                           // of the block at hand
+  size_t middle_ = 0;                        // the first channel of the SH chunk
+  size_t channel_ = 0, last_ = 0, end_ = 0;  // of the block: at hand, end of those wanted, end
   uint64_t at_ = 0;
   RansLanes lanes_{};
+  const unsigned char* counted_ = nullptr;
+  RansHybridTask task_{};
+  const uint32_t* entries_ = nullptr;
   const ComponentColumns* step_exponent_component_ = nullptr;  // the last one with step_exponents
   size_t step_exponents_ = 1;  // that component has no more, from 0 on
   size_t step_ = 0;            // of the EOB table
   size_t members_ = 0;         // Gaussians that have the coefficient at hand
-  std::vector<uint8_t> contexts_;
 };
+
+void take_alone(const RansKernels& kernels, RansPageParser& page) {
+  if (page.is_wide()) {
+    page.take_wide();
+  } else {
+    const RansHybridTask& task = page.task();
+    kernels.hybrid(*task.lanes, page.tables(), task.contexts, task.count, task.dst);
+  }
+}
 
 }  // namespace
 
-void coefficient_contexts(const uint8_t* step_exponent, const uint8_t* last, const uint8_t* before,
-                          size_t n, unsigned k, uint8_t* contexts) {
-  if (k == 0) {
-    std::copy_n(step_exponent, n, contexts);
+Status decode_rans_page(const SceneHeader& header, const LayerHeader& layer,
+                        const EntropyTables& tables, const PageWants& wants, RansPage* page) {
+  RansPageParser parser(header, layer, tables, wants, *page);
+  while (parser.next()) {
+    take_alone(*page->decoder->kernels, parser);
+    parser.done();
+  }
+  return page->status;
+}
+
+void decode_rans_pages(const SceneHeader& header, const LayerHeader& layer,
+                       const EntropyTables& tables, const PageWants& wants, RansPage* first,
+                       RansPage* second) {
+  const RansKernels& kernels = *first->decoder->kernels;
+  if (kernels.hybrid_pair == nullptr) {
+    for (RansPage* page : {first, second}) {
+      // The status is in the page.
+      static_cast<void>(decode_rans_page(header, layer, tables, wants, page).ok());
+    }
     return;
   }
-  for (size_t i = 0; i < n; ++i) {
-    const unsigned sum = unsigned{last[i]} + unsigned{before[i]};
-    contexts[i] = static_cast<uint8_t>(step_exponent[i] * kMagnitudes + magnitude_context(sum));
-  }
-}
-
-Status decode_rans_page(RansDecoder& decoder, const RansPageChunks& parts,
-                        const SceneHeader& header, const LayerHeader& layer,
-                        const EntropyTables& tables, const BlockRecord* block, size_t n,
-                        const PageWants& wants, PageColumns* out, SectionBytes* sections,
-                        Status* detail) {
-  return RansPageParser(decoder, header, layer, tables, block, n, wants, out, sections)
-      .run(parts, detail);
-}
-
-namespace {
-
-// The symbols of the channels of a page that is encoded, one channel after the other.
-class ChannelWalk {
- public:
-  ChannelWalk(const SceneHeader& header, const LayerHeader& layer, const PageColumns& columns)
-      : header_(header), layer_(layer), columns_(columns) {}
-
-  // In arrays of this object, until the next call. Channels come in the order of the page.
-  ChannelSymbols symbols_of(const ChannelSpec& spec) {
-    const size_t n = columns_.n;
-    const ComponentColumns& c = columns_.component[spec.component];
-    ChannelSymbols symbols;
-    switch (spec.kind) {
-      case ChannelKind::kPosition:
-        position(&symbols);
-        break;
-      case ChannelKind::kMeanT:
-        narrow(
-            columns_.mean_t, n,
-            [&](uint16_t v) {
-              return layer_.mean_t == CoordinateCodingId::kFixed
-                         ? v
-                         : order_half(v) >> layer_.mean_t_shift;
-            },
-            &symbols);
-        break;
-      case ChannelKind::kMeanTFine:
-        same(columns_.mean_t_fine, n, &symbols);
-        break;
-      case ChannelKind::kWindow:
-        same(columns_.window[spec.index], n, &symbols);
-        break;
-      case ChannelKind::kOpacity:
-        same(columns_.opacity, n, &symbols);
-        break;
-      case ChannelKind::kScaleFactor:
-        same(columns_.scale_factor, n, &symbols);
-        break;
-      case ChannelKind::kDepth:
-        same(c.depth, n, &symbols);
-        break;
-      case ChannelKind::kIndex:
-        same(c.index[spec.index], c.index_count[spec.index], &symbols);
-        break;
-      case ChannelKind::kEscape:
-        escapes(c, header_.component_dim(layer_, spec.component), spec.index, &symbols);
-        break;
-      case ChannelKind::kStepExponent:
-        same(c.step_exponent, n, &symbols);
-        if (with_classes_ != nullptr) symbols.contexts = with_classes_->step_exponent;
-        with_classes_ = &c;
-        break;
-      case ChannelKind::kEobIndex:
-        same(c.eob_index, n, &symbols);
-        symbols.contexts = c.step_exponent;
-        break;
-      case ChannelKind::kCoefficient:
-        coefficients(header_.component(layer_, spec.component), c, spec.index, &symbols);
-        break;
+  RansPageParser a(header, layer, tables, wants, *first);
+  RansPageParser b(header, layer, tables, wants, *second);
+  bool has_a = a.next(), has_b = b.next();
+  while (has_a || has_b) {
+    // The one that is behind goes on alone: a page may have no SH chunk, or be damaged.
+    const bool takes_a = has_a && (!has_b || a.channel() <= b.channel());
+    const bool takes_b = has_b && (!has_a || b.channel() <= a.channel());
+    // What has no symbols may look as if it had no contexts.
+    if (takes_a && takes_b && !a.is_wide() && a.tables() == b.tables()) {
+      kernels.hybrid_pair(a.tables(), a.task(), b.task());
+    } else {
+      if (takes_a) take_alone(kernels, a);
+      if (takes_b) take_alone(kernels, b);
     }
-    return symbols;
-  }
-
- private:
-  template <typename Values, typename CodeOf>
-  void narrow(const Values& values, size_t count, const CodeOf& code_of, ChannelSymbols* symbols) {
-    codes_.resize(count);
-    for (size_t i = 0; i < count; ++i) codes_[i] = static_cast<uint16_t>(code_of(values[i]));
-    symbols->hybrid = codes_;
-  }
-  template <typename Values>
-  void same(const Values& values, size_t count, ChannelSymbols* symbols) {
-    narrow(
-        values, count, [](uint16_t v) { return v; }, symbols);
-  }
-
-  void position(ChannelSymbols* symbols) {
-    wide_.resize(columns_.n);
-    uint64_t previous = 0;
-    for (size_t i = 0; i < columns_.n; ++i) {
-      const uint64_t code = page_morton(header_, columns_, i);
-      wide_[i] = code - previous;
-      previous = code;
-    }
-    symbols->wide = wide_;
-  }
-
-  void escapes(const ComponentColumns& c, size_t dim, size_t number, ChannelSymbols* symbols) {
-    codes_.resize(c.num_escapes);
-    for (size_t i = 0; i < c.num_escapes; ++i) {
-      codes_[i] = order_half(c.escape[i * dim + number]);
-    }
-    symbols->hybrid = codes_;
-  }
-
-  // Coefficient k of the Gaussians that have it. Contexts come from the two before.
-  void coefficients(const ComponentCoding& coding, const ComponentColumns& c, unsigned k,
-                    ChannelSymbols* symbols) {
-    if (k == 0) {
-      last_.assign(columns_.n, 0);
-      before_.assign(columns_.n, 0);
-    }
-    members_.clear();
-    for (size_t i = 0; i < columns_.n; ++i) {
-      if (eob_coefficients(coding, c.eob_index[i]) > k)
-        members_.push_back(static_cast<uint32_t>(i));
-    }
-    const size_t count = members_.size();
-    codes_.resize(count);
-    contexts_.resize(count);
-    cls_.resize(3 * count);
-    for (size_t i = 0; i < count; ++i) {
-      cls_[i] = c.step_exponent[members_[i]];
-      cls_[count + i] = last_[members_[i]];
-      cls_[2 * count + i] = before_[members_[i]];
-    }
-    coefficient_contexts(cls_.data(), cls_.data() + count, cls_.data() + 2 * count, count, k,
-                         contexts_.data());
-    for (size_t i = 0; i < count; ++i) {
-      const int16_t q = c.coefficient[k][i];
-      codes_[i] = zigzag16(q);
-      before_[members_[i]] = last_[members_[i]];
-      last_[members_[i]] = small_magnitude(q);
-    }
-    symbols->hybrid = codes_;
-    symbols->contexts = contexts_;
-  }
-
-  const SceneHeader& header_;
-  const LayerHeader& layer_;
-  const PageColumns& columns_;
-  std::vector<uint64_t> wide_;
-  std::vector<uint16_t> codes_;
-  std::vector<uint8_t> contexts_, cls_, last_, before_;
-  std::vector<uint32_t> members_;
-  const ComponentColumns* with_classes_ = nullptr;
-};
-
-}  // namespace
-
-void visit_channels(const SceneHeader& header, const LayerHeader& layer,
-                    const std::vector<ChannelSpec>& channels, const PageColumns& columns,
-                    ChannelVisitor& visitor) {
-  ChannelWalk walk(header, layer, columns);
-  for (size_t p = 0; p < channels.size(); ++p) {
-    ChannelSymbols symbols = walk.symbols_of(channels[p]);
-    symbols.channel = p;
-    visitor.visit(symbols);
+    if (takes_a) a.done();
+    if (takes_b) b.done();
+    if (takes_a) has_a = a.next();
+    if (takes_b) has_b = b.next();
   }
 }
 

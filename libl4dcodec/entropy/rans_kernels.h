@@ -25,6 +25,14 @@ struct RansLanes {
   bool failed;  // a word was needed past the end; it counted as 0
 };
 
+// A channel of hybrid integers that a page takes from its lanes.
+struct RansHybridTask {
+  RansLanes* lanes;
+  const uint8_t* contexts;
+  size_t count;
+  uint16_t* dst;
+};
+
 // tables: for each context kRansSlots entries (pack_rans_entry), indexed by the low bits of a
 // state. contexts [n]: which table a symbol uses; null = table 0 for all.
 struct RansKernels {
@@ -34,6 +42,10 @@ struct RansKernels {
   // Integers below 2^63. All tokens of the tables are below kRansWideTokens.
   void (*wide)(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts, size_t n,
                uint64_t* dst);
+  // hybrid() for two pages at once: both have contexts, or neither, if they have symbols. Null
+  // where one page keeps a processor busy.
+  void (*hybrid_pair)(const uint32_t* tables, const RansHybridTask& first,
+                      const RansHybridTask& second);
 };
 
 // The token that a slot stands for, its frequency (1..4096), and the place of the slot among those

@@ -103,7 +103,7 @@ void wide(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts, siz
 }  // namespace
 
 const RansKernels& rans_kernels_reference() {
-  static constexpr RansKernels kKernels = {hybrid, wide};
+  static constexpr RansKernels kKernels = {hybrid, wide, nullptr};
   return kKernels;
 }
 

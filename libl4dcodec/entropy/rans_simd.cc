@@ -130,34 +130,57 @@ HWY_INLINE hn::Mask<D> active_lanes(size_t v, size_t count) {
   return hn::FirstN(D(), count < v * kWidth ? 0 : count - v * kWidth);
 }
 
-// The tokens of a group of kRansLanes symbols, or of fewer: lanes from `count` on stay as they are,
-// and their tokens are 0.
-template <bool kContexts, bool kWhole>
-HWY_INLINE void take_tokens(V (&x)[kVectors], const unsigned char*& next, const uint32_t* tables,
-                            const uint8_t* contexts, size_t count, V (&tokens)[kVectors]) {
+// The lanes of a page, in registers.
+struct Page {
+  V x[kVectors];
+  const unsigned char* next;
+};
+
+HWY_INLINE void load_states(const RansLanes& lanes, Page& page) {
+  for (size_t v = 0; v < kVectors; ++v) page.x[v] = hn::LoadU(D(), lanes.x + v * kWidth);
+  page.next = lanes.next;
+}
+
+HWY_INLINE void store_states(const Page& page, RansLanes& lanes) {
+  for (size_t v = 0; v < kVectors; ++v) hn::StoreU(page.x[v], D(), lanes.x + v * kWidth);
+  lanes.next = page.next;
+}
+
+// The tokens of a group of kRansLanes symbols, or of fewer, of each page: lanes from `count` on
+// stay as they are, and their tokens are 0.
+template <bool kContexts, bool kWhole, size_t kPages>
+HWY_INLINE void take_tokens(Page (&pages)[kPages], const uint32_t* tables,
+                            const uint8_t* const (&contexts)[kPages], size_t count,
+                            V (&tokens)[kPages][kVectors]) {
   const D d;
   const hn::Rebind<uint8_t, D> d8;
   const V slot_mask = hn::Set(d, kRansSlots - 1);
-  for (size_t v = 0; v < kVectors; ++v) {
-    V index = hn::And(x[v], slot_mask);
-    if (kContexts) {
-      const V context = hn::PromoteTo(d, hn::LoadU(d8, contexts + v * kWidth));
-      index = hn::Or(index, hn::ShiftLeft<kRansScaleBits>(context));
+  for (size_t p = 0; p < kPages; ++p) {
+    for (size_t v = 0; v < kVectors; ++v) {
+      V index = hn::And(pages[p].x[v], slot_mask);
+      if (kContexts) {
+        const V context = hn::PromoteTo(d, hn::LoadU(d8, contexts[p] + v * kWidth));
+        index = hn::Or(index, hn::ShiftLeft<kRansScaleBits>(context));
+      }
+      tokens[p][v] = look_up(tables, index);
     }
-    tokens[v] = look_up(tables, index);
   }
-  for (size_t v = 0; v < kVectors; ++v) {
-    // The packed frequency is one too low: frequency * high = packed * high + high.
-    const V high = hn::ShiftRight<kRansScaleBits>(x[v]);
-    const V bias = hn::And(hn::ShiftRight<8>(tokens[v]), slot_mask);
-    const V taken = hn::Add(hn::Mul(hn::ShiftRight<20>(tokens[v]), high), hn::Add(high, bias));
-    tokens[v] = hn::And(tokens[v], hn::Set(d, 0xff));
-    if constexpr (kWhole) {
-      x[v] = renormalise(taken, next);
-    } else {
-      const auto active = active_lanes(v, count);
-      x[v] = renormalise(hn::IfThenElse(active, taken, x[v]), next);
-      tokens[v] = hn::IfThenElseZero(active, tokens[v]);
+  for (size_t p = 0; p < kPages; ++p) {
+    for (size_t v = 0; v < kVectors; ++v) {
+      V& x = pages[p].x[v];
+      V& token = tokens[p][v];
+      // The packed frequency is one too low: frequency * high = packed * high + high.
+      const V high = hn::ShiftRight<kRansScaleBits>(x);
+      const V bias = hn::And(hn::ShiftRight<8>(token), slot_mask);
+      const V taken = hn::Add(hn::Mul(hn::ShiftRight<20>(token), high), hn::Add(high, bias));
+      token = hn::And(token, hn::Set(d, 0xff));
+      if constexpr (kWhole) {
+        x = renormalise(taken, pages[p].next);
+      } else {
+        const auto active = active_lanes(v, count);
+        x = renormalise(hn::IfThenElse(active, taken, x), pages[p].next);
+        token = hn::IfThenElseZero(active, token);
+      }
     }
   }
 }
@@ -178,37 +201,34 @@ HWY_INLINE bool all_zero(const V (&a)[kVectors]) {
   return hn::AllTrue(d, hn::Eq(any, hn::Zero(d)));
 }
 
-HWY_INLINE void load_states(const RansLanes& lanes, V (&x)[kVectors]) {
-  for (size_t v = 0; v < kVectors; ++v) x[v] = hn::LoadU(D(), lanes.x + v * kWidth);
-}
-
-HWY_INLINE void store_states(const V (&x)[kVectors], RansLanes& lanes) {
-  for (size_t v = 0; v < kVectors; ++v) hn::StoreU(x[v], D(), lanes.x + v * kWidth);
-}
-
-// The values of a group of symbols, or of fewer; dst has room for a group.
-template <bool kContexts, bool kWhole>
-HWY_INLINE void hybrid_group(V (&x)[kVectors], const unsigned char*& next, const uint32_t* tables,
-                             const uint8_t* contexts, size_t count, uint16_t* dst) {
+// The values of a group of symbols of each page, or of fewer; each dst has room for a group.
+template <bool kContexts, bool kWhole, size_t kPages>
+HWY_INLINE void hybrid_group(Page (&pages)[kPages], const uint32_t* tables,
+                             const uint8_t* const (&contexts)[kPages], size_t count,
+                             uint16_t* const (&dst)[kPages]) {
   const D d;
   const hn::RebindToSigned<D> di;
   const hn::Rebind<uint16_t, D> d16;
   const V one = hn::Set(d, 1);
-  V values[kVectors], counts[kVectors];
-  take_tokens<kContexts, kWhole>(x, next, tables, contexts, count, values);
-  for (size_t v = 0; v < kVectors; ++v) {
-    // Tokens 16.. have raw bits: token / 8 - 1 of them.
-    counts[v] = hn::Sub(hn::Max(hn::ShiftRight<3>(values[v]), one), one);
-  }
-  if (!all_zero(counts)) {
+  V values[kPages][kVectors];
+  take_tokens<kContexts, kWhole>(pages, tables, contexts, count, values);
+  for (size_t p = 0; p < kPages; ++p) {
+    V counts[kVectors];
     for (size_t v = 0; v < kVectors; ++v) {
-      // 8 + token mod 8 where there are raw bits, else the token itself.
-      const V top = hn::Sub(values[v], hn::ShiftLeft<3>(counts[v]));
-      values[v] = hn::Or(hn::Shl(top, counts[v]), take_bits(x[v], next, counts[v]));
+      // Tokens 16.. have raw bits: token / 8 - 1 of them.
+      counts[v] = hn::Sub(hn::Max(hn::ShiftRight<3>(values[p][v]), one), one);
     }
-  }
-  for (size_t v = 0; v < kVectors; ++v) {
-    hn::StoreU(hn::DemoteTo(d16, hn::BitCast(di, values[v])), d16, dst + v * kWidth);
+    if (!all_zero(counts)) {
+      for (size_t v = 0; v < kVectors; ++v) {
+        // 8 + token mod 8 where there are raw bits, else the token itself.
+        const V top = hn::Sub(values[p][v], hn::ShiftLeft<3>(counts[v]));
+        values[p][v] =
+            hn::Or(hn::Shl(top, counts[v]), take_bits(pages[p].x[v], pages[p].next, counts[v]));
+      }
+    }
+    for (size_t v = 0; v < kVectors; ++v) {
+      hn::StoreU(hn::DemoteTo(d16, hn::BitCast(di, values[p][v])), d16, dst[p] + v * kWidth);
+    }
   }
 }
 
@@ -216,33 +236,52 @@ HWY_INLINE void hybrid_group(V (&x)[kVectors], const unsigned char*& next, const
 // context 0.
 HWY_NOINLINE void last_group(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts,
                              size_t n, uint16_t* dst) {
-  V x[kVectors];
-  load_states(lanes, x);
+  Page page[1];
+  load_states(lanes, page[0]);
   uint8_t padded[kRansLanes] = {};
   uint16_t values[kRansLanes];
   if (contexts != nullptr) std::memcpy(padded, contexts, n);
-  hybrid_group<true, false>(x, lanes.next, tables, padded, n, values);
+  hybrid_group<true, false>(page, tables, {padded}, n, {values});
   std::memcpy(dst, values, n * sizeof(uint16_t));
-  store_states(x, lanes);
+  store_states(page[0], lanes);
 }
 
-// Decodes symbols while they cannot run out of words before `end`, and says how many that were. Not
-// inlined: it is long where vectors are short.
-template <bool kContexts>
-HWY_NOINLINE size_t hybrid_groups(RansLanes& lanes, const unsigned char* end,
-                                  const uint32_t* tables, const uint8_t* contexts, size_t n,
-                                  uint16_t* dst) {
-  V x[kVectors];
-  load_states(lanes, x);
-  const unsigned char* next = lanes.next;
-  size_t i = 0;
-  for (; i + kRansLanes <= n && end - next >= kHybridBytes; i += kRansLanes) {
-    hybrid_group<kContexts, true>(x, next, tables, kContexts ? contexts + i : nullptr, kRansLanes,
-                                  dst + i);
+// Whole groups of pages in turns, while none can run out of words before its end, and how many
+// symbols of each that were. While one page waits for its states, others have theirs. Not inlined:
+// it is long where vectors are short.
+template <bool kContexts, size_t kPages>
+HWY_NOINLINE size_t whole_groups(const uint32_t* tables, const RansHybridTask (&tasks)[kPages]) {
+  Page pages[kPages];
+  const unsigned char* ends[kPages];
+  size_t n = tasks[0].count;
+  for (size_t p = 0; p < kPages; ++p) {
+    load_states(*tasks[p].lanes, pages[p]);
+    ends[p] = tasks[p].lanes->end;
+    if (tasks[p].count < n) n = tasks[p].count;
   }
-  lanes.next = next;
-  store_states(x, lanes);
-  if (i < n && n - i < kRansLanes && end - next >= kHybridBytes) {
+  size_t i = 0;
+  for (; i + kRansLanes <= n; i += kRansLanes) {
+    const uint8_t* contexts[kPages];
+    uint16_t* dst[kPages];
+    bool enough = true;
+    for (size_t p = 0; p < kPages; ++p) {
+      enough = enough && ends[p] - pages[p].next >= kHybridBytes;
+      contexts[p] = kContexts ? tasks[p].contexts + i : nullptr;
+      dst[p] = tasks[p].dst + i;
+    }
+    if (!enough) break;
+    hybrid_group<kContexts, true>(pages, tables, contexts, kRansLanes, dst);
+  }
+  for (size_t p = 0; p < kPages; ++p) store_states(pages[p], *tasks[p].lanes);
+  return i;
+}
+
+// Decodes symbols while they cannot run out of words before `end`, and says how many that were.
+template <bool kContexts>
+HWY_INLINE size_t hybrid_groups(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts,
+                                size_t n, uint16_t* dst) {
+  size_t i = whole_groups<kContexts>(tables, {{&lanes, contexts, n, dst}});
+  if (i < n && n - i < kRansLanes && lanes.end - lanes.next >= kHybridBytes) {
     last_group(lanes, tables, kContexts ? contexts + i : nullptr, n - i, dst + i);
     i = n;
   }
@@ -258,17 +297,19 @@ HWY_NOINLINE void hybrid_end(RansLanes& lanes, const uint32_t* tables, const uin
   const unsigned char* const from = lanes.next;
   const std::ptrdiff_t left = (lanes.end - from) & ~std::ptrdiff_t{1};
   std::memcpy(words, from, static_cast<size_t>(left));
+  const unsigned char* const end = lanes.end;
   lanes.next = words;
   for (size_t i = 0; i < n; i += kRansLanes) {
     const size_t count = n - i < kRansLanes ? n - i : kRansLanes;
-    hybrid_groups<kContexts>(lanes, lanes.next + kHybridBytes, tables,
-                             kContexts ? contexts + i : nullptr, count, dst + i);
+    lanes.end = lanes.next + kHybridBytes;
+    hybrid_groups<kContexts>(lanes, tables, kContexts ? contexts + i : nullptr, count, dst + i);
     if (lanes.next - words > left) {
       lanes.failed = true;
       lanes.next = words + left;
     }
   }
   lanes.next = from + (lanes.next - words);
+  lanes.end = end;
 }
 
 // Stores top << bits | high << 32 | low as 64-bit integers.
@@ -291,13 +332,15 @@ HWY_INLINE size_t wide_groups(RansLanes& lanes, const uint32_t* tables, size_t n
   const D d;
   const V one = hn::Set(d, 1);
   const V sixteen = hn::Set(d, 16);
-  V x[kVectors];
-  load_states(lanes, x);
-  const unsigned char* next = lanes.next;
+  Page page[1];
+  load_states(lanes, page[0]);
+  V(&x)[kVectors] = page[0].x;
+  const unsigned char*& next = page[0].next;
   size_t i = 0;
   for (; i + kRansLanes <= n && lanes.end - next >= kWideBytes; i += kRansLanes) {
-    V tokens[kVectors], left[kVectors], raw[2][kVectors];
-    take_tokens<false, true>(x, next, tables, nullptr, kRansLanes, tokens);
+    V all[1][kVectors], left[kVectors], raw[2][kVectors];
+    take_tokens<false, true>(page, tables, {nullptr}, kRansLanes, all);
+    const V(&tokens)[kVectors] = all[0];
     for (size_t v = 0; v < kVectors; ++v) {
       // Tokens 2.. have token / 2 - 1 raw bits.
       left[v] = hn::Sub(hn::Max(hn::ShiftRight<1>(tokens[v]), one), one);
@@ -323,15 +366,14 @@ HWY_INLINE size_t wide_groups(RansLanes& lanes, const uint32_t* tables, size_t n
       store_wide(top, bits, raw[0][v], raw[1][v], dst + i + v * kWidth);
     }
   }
-  lanes.next = next;
-  store_states(x, lanes);
+  store_states(page[0], lanes);
   return i;
 }
 
 template <bool kContexts>
 HWY_INLINE void hybrid_of(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts,
                           size_t n, uint16_t* dst) {
-  const size_t done = hybrid_groups<kContexts>(lanes, lanes.end, tables, contexts, n, dst);
+  const size_t done = hybrid_groups<kContexts>(lanes, tables, contexts, n, dst);
   if (done == n) return;
   hybrid_end<kContexts>(lanes, tables, kContexts ? contexts + done : nullptr, n - done, dst + done);
 }
@@ -345,6 +387,17 @@ void hybrid(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts, s
   }
 }
 
+void hybrid_pair(const uint32_t* tables, const RansHybridTask& first,
+                 const RansHybridTask& second) {
+  const bool contexts = first.contexts != nullptr || second.contexts != nullptr;
+  const size_t done = contexts ? whole_groups<true>(tables, {first, second})
+                               : whole_groups<false>(tables, {first, second});
+  for (const RansHybridTask* task : {&first, &second}) {
+    const uint8_t* rest = task->contexts == nullptr ? nullptr : task->contexts + done;
+    hybrid(*task->lanes, tables, rest, task->count - done, task->dst + done);
+  }
+}
+
 void wide(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts, size_t n,
           uint64_t* dst) {
   // No channel of wide integers has contexts (spec: "rANS pages").
@@ -354,7 +407,12 @@ void wide(RansLanes& lanes, const uint32_t* tables, const uint8_t* contexts, siz
 }
 
 const RansKernels* kernels() {
-  static constexpr RansKernels kKernels = {hybrid, wide};
+  // Of short vectors, a page has as many as wait for each other without being late.
+  if constexpr (kVectors > 4) {
+    static constexpr RansKernels kKernels = {hybrid, wide, nullptr};
+    return &kKernels;
+  }
+  static constexpr RansKernels kKernels = {hybrid, wide, hybrid_pair};
   return &kKernels;
 }
 #endif

@@ -35,8 +35,8 @@ std::vector<CodedPage> decode_pages(const SceneHeader& header, const LayerHeader
       RansPageChunks parts;
       parts.first = d.pages[p].raw;
       PageColumns columns;
-      require(decode_rans_page(decoder, parts, header, layer, tables, block, record.num_gaussians,
-                               PageWants(), &columns, nullptr, nullptr));
+      RansPage page{&decoder, parts, block, record.num_gaussians, &columns};
+      require(decode_rans_page(header, layer, tables, PageWants(), &page));
       pages.push_back({&d, p, std::move(columns)});
     }
   }

@@ -69,12 +69,16 @@ Page page_of(const EntropyModel& model, const SceneHeader& header, const LayerHe
   return page;
 }
 
+RansDecoder decoder_of(const Kernels& kernels) {
+  RansDecoder decoder;
+  decoder.kernels = &kernels.rans;
+  decoder.streams = &kernels.streams;
+  return decoder;
+}
+
 class Parser {
  public:
-  explicit Parser(const Kernels& kernels) {
-    decoder_.kernels = &kernels.rans;
-    decoder_.streams = &kernels.streams;
-  }
+  explicit Parser(const Kernels& kernels) : decoder_(decoder_of(kernels)) {}
   // The failure of either part.
   Status operator()(const Page& page, const SceneHeader& header, const LayerHeader& layer,
                     const EntropyTables& tables, const BlockRecord* block, size_t n,
@@ -82,8 +86,8 @@ class Parser {
                     const PageWants& wants = {}) {
     Status detail;
     const bool decodes = with_detail && !page.detail.empty();
-    Status first = decode_rans_page(decoder_, page.parts(), header, layer, tables, block, n, wants,
-                                    out, sections, decodes ? &detail : nullptr);
+    RansPage coded{&decoder_, page.parts(), block, n, out, sections, decodes ? &detail : nullptr};
+    const Status first = decode_rans_page(header, layer, tables, wants, &coded);
     return first.ok() ? detail : first;
   }
 
@@ -120,6 +124,58 @@ TEST(RansPage, RoundTripInEveryCoding) {
               expect_columns(header, layer, with_detail || page.detail.empty(), columns, reused);
               EXPECT_LE(std::accumulate(sections.begin(), sections.end(), uint64_t{0}),
                         page.first.size() + (with_detail ? page.detail.size() : 0));
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+// With or without SH chunks, and whatever is damaged in one of them.
+TEST(RansPage, TwoAtOnceAreAsEachAlone) {
+  uint64_t seed = 0;
+  const auto cut = [](Bytes Page::*part, Page page) {
+    if (!(page.*part).empty()) (page.*part).resize((page.*part).size() / 2);
+    return page;
+  };
+  for (const SceneHeader& header : rans_headers()) {
+    for (const LayerHeader& layer : header.layers) {
+      // Some channels of the first have no symbols.
+      const PageColumns columns[2] = {rans_columns(header, layer, nullptr, 2, ++seed),
+                                      rans_columns(header, layer, nullptr, 700, ++seed)};
+      const Coded coded(header, layer, {columns[0], columns[1]});
+      std::vector<Page> forms[2];
+      for (size_t p = 0; p < 2; ++p) {
+        for (const bool split : {false, true}) {
+          const Page page = page_of(coded.model, header, layer, columns[p], split);
+          forms[p].insert(forms[p].end(),
+                          {page, cut(&Page::first, page), cut(&Page::detail, page)});
+        }
+      }
+      for (const Kernels& kernels : kBackends) {
+        Parser parse(kernels);
+        RansDecoder decoders[2] = {decoder_of(kernels), decoder_of(kernels)};
+        for (const Page& first : forms[0]) {
+          for (const Page& second : forms[1]) {
+            const Page* const pages[2] = {&first, &second};
+            PageColumns got[2];
+            Status detail[2];
+            RansPage coding[2];
+            for (size_t p = 0; p < 2; ++p) {
+              coding[p] = {&decoders[p], pages[p]->parts(), nullptr, columns[p].n, &got[p]};
+              if (!pages[p]->detail.empty()) coding[p].detail = &detail[p];
+            }
+            decode_rans_pages(header, layer, coded.tables, PageWants(), &coding[0], &coding[1]);
+            for (size_t p = 0; p < 2; ++p) {
+              PageColumns alone;
+              const Status want = parse(*pages[p], header, layer, coded.tables, nullptr,
+                                        columns[p].n, true, &alone);
+              const Status& own = coding[p].status.ok() ? detail[p] : coding[p].status;
+              ASSERT_EQ(own.ok() ? "" : own.detail(), want.ok() ? "" : want.detail());
+              ASSERT_EQ(got[p].sh_detail, alone.sh_detail);
+              ASSERT_EQ(got[p].symbols, alone.symbols);
+              if (want.ok()) expect_columns(header, layer, true, columns[p], got[p]);
             }
           }
         }

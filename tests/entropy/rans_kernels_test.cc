@@ -169,6 +169,49 @@ TEST_P(RansKernelTest, RandomWords) {
   }
 }
 
+// Two pages with the tables of one channel, of other lengths, one or both cut short.
+TEST_P(RansKernelTest, TwoPagesAtOnceAreAsEachAlone) {
+  if (rans_kernels_simd().hybrid_pair == nullptr) GTEST_SKIP() << "pages go alone here";
+  for (uint64_t seed = 0; seed < 400; ++seed) {
+    Random random(seed);
+    RansCase both;
+    both.hybrid.push_back(random_channel<uint16_t>(random.below(600), kShapes[seed % 5],
+                                                   seed / 5 % 4, random.bits()));
+    RansCase cases[2] = {both, both};
+    Bytes blocks[2];
+    RansLanes lanes[2];
+    std::vector<uint16_t> values[2];
+    RansHybridTask tasks[2];
+    for (size_t p = 0; p < 2; ++p) {
+      auto& channel = cases[p].hybrid[0];
+      const uint32_t most = static_cast<uint32_t>(channel.values.size());
+      channel.values.resize(random.below(6) == 0 ? 0 : random.below(most + 1));
+      blocks[p] = cases[p].block();
+      if (random.below(3) == 0) {
+        const size_t words = blocks[p].size() - kRansStateBytes + 1;
+        blocks[p].resize(kRansStateBytes + random.below(static_cast<uint32_t>(words)));
+        blocks[p].shrink_to_fit();
+      }
+    }
+    for (size_t p = 0; p < 2; ++p) {
+      const auto& channel = cases[p].hybrid[0];
+      ASSERT_TRUE(open_rans_block(blocks[p], 0, &lanes[p]).ok());
+      values[p].assign(channel.values.size() + 40, 0xa5a5);
+      const size_t count = channel.values.size();
+      const uint8_t* contexts = count == 0 ? nullptr : channel.context_pointer();
+      tasks[p] = {&lanes[p], contexts, count, values[p].data()};
+    }
+    rans_kernels_simd().hybrid_pair(both.hybrid[0].entries.data(), tasks[0], tasks[1]);
+    for (size_t p = 0; p < 2; ++p) {
+      const RansResult want = decode(rans_kernels_reference(), cases[p], blocks[p]);
+      ASSERT_EQ(values[p], want.hybrid[0]) << "seed " << seed << ", page " << p;
+      ASSERT_TRUE(std::equal(want.states.begin(), want.states.end(), lanes[p].x)) << seed;
+      ASSERT_EQ(lanes[p].next - blocks[p].data(), static_cast<std::ptrdiff_t>(want.position));
+      ASSERT_EQ(lanes[p].failed, want.failed) << "seed " << seed << ", page " << p;
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Targets, RansKernelTest, testing::ValuesIn(compiled_targets()),
                          [](const testing::TestParamInfo<int64_t>& target) {
                            return std::string(hwy::TargetName(target.param));

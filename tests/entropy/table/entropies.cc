@@ -202,9 +202,9 @@ void measure(const test::StreamEditor& file, size_t l,
       if (parts.has_detail) parts.detail = d.details[p].raw;
       PageColumns page;
       Status detail;
-      require(decode_rans_page(decoder, parts, file.header, layer, tables, nullptr,
-                               record.num_gaussians, PageWants(), &page, nullptr,
-                               parts.has_detail ? &detail : nullptr));
+      RansPage coded{&decoder, parts, nullptr, record.num_gaussians, &page};
+      if (parts.has_detail) coded.detail = &detail;
+      require(decode_rans_page(file.header, layer, tables, PageWants(), &coded));
       require(detail);
       const Neighbours near(page, file.header.opacity.bits);
       meter.begin(page, near);
