@@ -9,6 +9,9 @@
 namespace l4d::cuda {
 namespace {
 
+// What a thread reads and hashes at a time.
+constexpr uint64_t kPieceBytes = uint64_t{256} << 10;
+
 template <typename T>
 void put(const std::vector<T>& values, const ArrayAt<T>& at, unsigned char* staging) {
   std::copy_n(reinterpret_cast<const unsigned char*>(values.data()), values.size() * sizeof(T),
@@ -46,23 +49,47 @@ Status PageUpload::fill(const DecodeRequest& request, const WarpSchedule& schedu
   return read_chunks(request, layout);
 }
 
+// Each part straight to its place, by several threads; or, where the reader takes one call at a
+// time and each may cost much, run by run.
 Status PageUpload::read_chunks(const DecodeRequest& request, const WorkspaceLayout& layout) {
   unsigned char* const to = staging_.as<unsigned char>();
   const std::vector<PageChunk>& parts = request.reads().parts();
   std::vector<Status> status(2 * request.pages().size());  // [pages, 2], as they are decoded
-  for (const ChunkRun& run : request.reads().runs()) {
-    MemoryCharge charge(file_.memory());
-    L4D_RETURN_IF_ERROR(charge.take(run.bytes, "a batch of pages"));
-    ByteSpan run_bytes;
-    L4D_RETURN_IF_ERROR(file_.source().read(run.offset, run.bytes, read_buffer_, &run_bytes));
-    parallel_for(threads_, run.end - run.first, 4, [&](size_t a, size_t b) {
-      for (size_t p = run.first + a; p < run.first + b; ++p) {
-        const PageChunk& part = parts[p];
-        const ByteSpan bytes = bytes_of_chunk(run, run_bytes, part);
-        status[2 * part.page + (part.detail ? 1 : 0)] =
-            check_chunk(file_.header(), request.task_of(part.page).record, part.detail, bytes);
+  const auto status_of = [&](const PageChunk& part) -> Status& {
+    return status[2 * part.page + (part.detail ? 1 : 0)];
+  };
+  const auto check = [&](size_t p) {
+    const PageChunk& part = parts[p];
+    return check_chunk(file_.header(), request.task_of(part.page).record, part.detail,
+                       ByteSpan(layout.parts[p].in(to), part.chunk.stored_bytes));
+  };
+  ByteSource& source = file_.source();
+  if (source.reads_apart()) {
+    uint64_t bytes = 0;
+    for (const PageChunk& part : parts) bytes += part.chunk.stored_bytes;
+    source.count_reads(parts.size(), bytes);
+    const size_t grain = bytes == 0 ? 1 : static_cast<size_t>(parts.size() * kPieceBytes / bytes);
+    parallel_for(threads_, parts.size(), grain, [&](size_t first, size_t last) {
+      for (size_t p = first; p < last; ++p) {
+        const ChunkRef& chunk = parts[p].chunk;
+        Status& s = status_of(parts[p]);
+        s = source.read_apart(chunk.offset, chunk.stored_bytes, layout.parts[p].in(to));
+        if (s.ok()) s = check(p);
+      }
+    });
+  } else {
+    for (const ChunkRun& run : request.reads().runs()) {
+      MemoryCharge charge(file_.memory());
+      L4D_RETURN_IF_ERROR(charge.take(run.bytes, "a batch of pages"));
+      ByteSpan run_bytes;
+      L4D_RETURN_IF_ERROR(source.read(run.offset, run.bytes, read_buffer_, &run_bytes));
+      for (size_t p = run.first; p < run.end; ++p) {
+        const ByteSpan bytes = bytes_of_chunk(run, run_bytes, parts[p]);
         std::copy(bytes.begin(), bytes.end(), layout.parts[p].in(to));
       }
+    }
+    parallel_for(threads_, parts.size(), 4, [&](size_t first, size_t last) {
+      for (size_t p = first; p < last; ++p) status_of(parts[p]) = check(p);
     });
   }
   const auto failed =

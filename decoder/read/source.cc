@@ -53,27 +53,35 @@ Status ByteSource::from_reader(const l4d_reader& reader, ByteSource* out) {
   return {};
 }
 
+Status ByteSource::check_range(uint64_t offset, uint64_t n) const {
+  if (offset <= size_ && n <= size_ - offset) return {};
+  return Status(L4D_ERR_TRUNCATED, "CHNK-1", offset,
+                std::to_string(n) + " bytes wanted, the file has " + std::to_string(size_));
+}
+
+Status ByteSource::read_apart(uint64_t offset, uint64_t n, unsigned char* to) const {
+  L4D_RETURN_IF_ERROR(check_range(offset, n));
+  if (reader_.read_at != nullptr) return call_reader(offset, n, to);
+  std::copy_n(memory_.data() + offset, n, to);
+  return {};
+}
+
 Status ByteSource::read(uint64_t offset, uint64_t n, Bytes& storage, ByteSpan* out) {
-  if (offset > size_ || n > size_ - offset) {
-    return Status(L4D_ERR_TRUNCATED, "CHNK-1", offset,
-                  std::to_string(n) + " bytes wanted, the file has " + std::to_string(size_));
-  }
+  L4D_RETURN_IF_ERROR(check_range(offset, n));
   if (reader_.read_at == nullptr) {
-    ++reads_;
-    bytes_read_ += n;
+    count_reads(1, n);
     *out = memory_.subspan(static_cast<size_t>(offset), static_cast<size_t>(n));
     return {};
   }
   if (fetched_.find(offset, n, out)) return {};
   storage.resize(static_cast<size_t>(n));
+  count_reads(1, n);
   L4D_RETURN_IF_ERROR(call_reader(offset, n, storage.data()));
   *out = ByteSpan(storage.data(), storage.size());
   return {};
 }
 
-Status ByteSource::call_reader(uint64_t offset, uint64_t n, unsigned char* to) {
-  ++reads_;
-  bytes_read_ += n;
+Status ByteSource::call_reader(uint64_t offset, uint64_t n, unsigned char* to) const {
   uint64_t done = 0;
   while (done < n) {
     const int64_t got =
@@ -112,6 +120,7 @@ void ByteSource::fetch(std::vector<ByteRange> ranges, FetchedFor reason, MemoryB
     if (to == nullptr) break;
     reads.push_back({run.offset, static_cast<size_t>(run.size), to});
   }
+  for (const l4d_read& r : reads) count_reads(1, r.size);
   if (reader_.read_many == nullptr || reads.size() < 2) {
     for (const l4d_read& r : reads) {
       const bool read = call_reader(r.offset, r.size, static_cast<unsigned char*>(r.dst)).ok();
@@ -119,8 +128,6 @@ void ByteSource::fetch(std::vector<ByteRange> ranges, FetchedFor reason, MemoryB
     }
     return;
   }
-  reads_ += reads.size();
-  for (const l4d_read& r : reads) bytes_read_ += r.size;
   if (reader_.read_many(reader_.user, reads.data(), reads.size()) == 0) return;
   for (const l4d_read& r : reads) fetched_.remove(r.offset);
 }

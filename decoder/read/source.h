@@ -31,6 +31,18 @@ class ByteSource {
   // the file; nothing is allocated then.
   Status read(uint64_t offset, uint64_t n, Bytes& storage, ByteSpan* out);
 
+  // Whether read_apart() is there: of memory, and of files of this library.
+  bool reads_apart() const { return reader_.read_at == nullptr || reads_apart_; }
+  // The reader may be called by several threads at once.
+  void set_reads_apart() { reads_apart_ = true; }
+  // Bytes [offset, offset + n) to `to`, by any number of threads at once. Nothing is counted:
+  // count_reads() does that for all of them.
+  Status read_apart(uint64_t offset, uint64_t n, unsigned char* to) const;
+  void count_reads(uint64_t reads, uint64_t bytes) {
+    reads_ += reads;
+    bytes_read_ += bytes;
+  }
+
   // How many bytes are worth one more read, 0 if reads cost nothing. Only then fetch() fetches.
 #ifdef L4D_PLAYER_ONLY
   static constexpr uint64_t block_bytes() { return 0; }
@@ -67,7 +79,8 @@ class ByteSource {
   uint64_t bytes_read() const { return bytes_read_; }
 
  private:
-  Status call_reader(uint64_t offset, uint64_t n, unsigned char* to);
+  Status check_range(uint64_t offset, uint64_t n) const;
+  Status call_reader(uint64_t offset, uint64_t n, unsigned char* to) const;
 
   ByteSpan memory_;
   l4d_reader reader_{};
@@ -77,6 +90,7 @@ class ByteSource {
   FetchedBytes fetched_;
   bool trusted_ = true;
   bool has_gaps_ = false;
+  bool reads_apart_ = false;
 };
 
 }  // namespace l4d

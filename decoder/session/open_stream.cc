@@ -63,6 +63,7 @@ Status OpenStream::open_file(const char* path) {
   L4D_RETURN_IF_ERROR(reader->open(path));
   ByteSource source;
   L4D_RETURN_IF_ERROR(ByteSource::from_reader(reader->reader(), &source));
+  source.set_reads_apart();
   L4D_RETURN_IF_ERROR(start(std::move(source)));
   own_file_ = std::move(reader);
   return {};
