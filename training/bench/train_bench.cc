@@ -151,8 +151,11 @@ class Step {
     ok(l4d_cuda_trainable_backward(live_, losses.data(), count(), &gradients, &statistics,
                                    stream_));
   }
-  void adam() {
-    train::launch_adam(adam_, model_.adam_arrays(), flags_.get(),
+  // sparse: of the rows that the step shows.
+  void adam(bool sparse = false) {
+    train::AdamStep adam = adam_;
+    adam.sparse = sparse;
+    train::launch_adam(adam, model_.adam_arrays(), model_.sh_updates(), flags_.get(),
                        reinterpret_cast<unsigned long long*>(flags_.get() + 2), stream_);
   }
   void density() {
@@ -253,6 +256,7 @@ void measure(const io::Scene& scene, const std::vector<l4d_camera>& cameras, con
   // A backward pass may be repeated: it goes on from the same forward.
   row("backward", stage_time(&step, [&](int) { step.backward(); }));
   row("Adam", stage_time(&step, [&](int) { step.adam(); }));
+  row("Adam of shown rows", stage_time(&step, [&](int) { step.adam(true); }));
   row("density", stage_time(&step, [&](int) { step.density(); }));
   row("weights of targets, every 100 steps", stage_time(&step, [&](int) { step.renew_weights(); }));
   const Timing all = time_runs(kRuns, step.stream(), [&](int k) { step.whole(k); });

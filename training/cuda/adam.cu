@@ -6,14 +6,10 @@ namespace l4d::train {
 namespace {
 
 constexpr uint32_t kThreads = 128;
-constexpr float kAverage = 0.1f;  // weight of a new observation
+constexpr uint32_t kShAtOnce = 2;  // words of SH that a thread has in flight
+constexpr float kAverage = 0.1f;   // weight of a new observation
 
-// What SH needs of its row's update.
-struct SharedUpdate {
-  RowUpdate update;
-  uint32_t state;  // kLeft, kCleared or kUpdated
-};
-constexpr uint32_t kLeft = 0, kCleared = 1, kUpdated = 2;
+constexpr uint32_t kLeft = 0, kCleared = 1, kUpdated = 2;  // states of an ShUpdate
 
 __device__ bool is_finite(const float4& v) { return (v.x + v.y + v.z + v.w) * 0 == 0; }
 
@@ -65,74 +61,32 @@ struct LocalRow {
   }
 };
 
-// SH of the block's rows: from `first` on, as many as `rows`.
-template <uint32_t kWords>
-__device__ void update_sh(const AdamStep& s, const AdamArrays& a, uint64_t first, uint32_t rows,
-                          const SharedUpdate* updates /* [kThreads] */) {
-  const uint32_t t = threadIdx.x;
-  auto* gradients = reinterpret_cast<float4*>(a.gradient.sh) + first * kWords;
-  auto* values = reinterpret_cast<float4*>(a.value.sh) + first * kWords;
-  auto* means = reinterpret_cast<float4*>(a.m.sh) + first * kWords;
-  auto* squares = reinterpret_cast<float4*>(a.v.sh) + first * kWords;
-  // Several words at a time: compilers do not move loads before stores. The gradient is in the
-  // cache still.
-  constexpr uint32_t kAtOnce = 3;
-  static_assert(kWords % kAtOnce == 0, "whole turns");
-  for (uint32_t turn = 0; turn < kWords; turn += kAtOnce) {
-    float4 x[kAtOnce], m[kAtOnce], v[kAtOnce], g[kAtOnce];
-    uint32_t state[kAtOnce];
-#pragma unroll
-    for (uint32_t k = 0; k < kAtOnce; ++k) {
-      const uint32_t word = (turn + k) * kThreads + t, row = word / kWords;
-      state[k] = row < rows ? updates[row].state : kLeft;
-      if (state[k] == kUpdated && 4 * (word % kWords) >= sh_values(s.active_sh_degree)) {
-        state[k] = kCleared;
-      }
-      if (state[k] != kUpdated) continue;
-      g[k] = gradients[word];
-      x[k] = values[word];
-      m[k] = means[word];
-      v[k] = squares[word];
-    }
-#pragma unroll
-    for (uint32_t k = 0; k < kAtOnce; ++k) {
-      const uint32_t word = (turn + k) * kThreads + t, row = word / kWords;
-      if (state[k] == kLeft) continue;
-      gradients[word] = make_float4(0, 0, 0, 0);
-      if (state[k] == kCleared) continue;
-      update_four(s, updates[row].update, 4 * (word % kWords), &x[k], &m[k], &v[k], g[k]);
-      values[word] = x[k];
-      means[word] = m[k];
-      squares[word] = v[k];
-    }
-  }
-}
-
-// A block has as many rows as threads. A thread updates the shape of a row; SH, three quarters of
-// all numbers, is dealt out by words of 16 bytes that lie beside each other. kWords: of a row.
+// A thread has a row, and updates all of it but its SH: that is three quarters of all numbers,
+// which move faster where nothing else is done. kWords: of a row of SH.
 template <uint32_t kWords>
 __global__ void __launch_bounds__(kThreads)
-    adam(AdamStep s, AdamArrays a, const uint32_t* stop, unsigned long long* skipped) {
+    adam_shape(AdamStep s, AdamArrays a, ShUpdate* updates, const uint32_t* stop,
+               unsigned long long* skipped) {
   if (*stop != 0) return;
-  __shared__ SharedUpdate updates[kThreads];
-  __shared__ uint32_t bad[kThreads];
+  __shared__ uint32_t is_bad[kThreads];
   const uint64_t first = uint64_t{blockIdx.x} * kThreads;
   const uint32_t t = threadIdx.x;
   const uint32_t rows =
       static_cast<uint32_t>(s.count - first < kThreads ? s.count - first : uint64_t{kThreads});
   const bool shown = t < rows && !(s.sparse && a.shown[first + t] == 0);
-  updates[t].state = shown ? kUpdated : kLeft;
-  bad[t] = 0;
+  is_bad[t] = shown ? 0 : 1;  // what is not shown is not looked at
   __syncthreads();
   const auto* gradients = reinterpret_cast<const float4*>(a.gradient.sh) + first * kWords;
 #pragma unroll
   for (uint32_t k = 0; k < kWords; ++k) {
     const uint32_t word = k * kThreads + t, row = word / kWords;
-    if (row < rows && updates[row].state != kLeft && !is_finite(gradients[word])) bad[row] = 1;
+    if (row < rows && is_bad[row] == 0 && !is_finite(gradients[word])) is_bad[row] = 1;
   }
   __syncthreads();
+  if (t >= rows) return;
+  const uint64_t i = first + t;
+  ShUpdate out{0, 0, 0, kLeft};
   if (shown) {
-    const uint64_t i = first + t;
     LocalRow value, m, v, g;
     value.load(a.value, i);
     m.load(a.m, i);
@@ -141,24 +95,63 @@ __global__ void __launch_bounds__(kThreads)
     const AdamArrays own{value.rows(),  m.rows(),       v.rows(),   g.rows(), a.shown + i,
                          a.updates + i, a.prepared + i, a.born + i, a.id + i};
     const RowShape shape = row_shape(s, own, 0);
-    float sum = static_cast<float>(bad[t]);
+    float sum = static_cast<float>(is_bad[t]);
     for_each_shape_number(s, own, 0, shape.span,
                           [&](float&, float&, float&, float& d, float) { sum += d * 0; });
     if (sum == 0) {
-      updates[t].update = count_update(s, own, 0);
-      update_shape(s, own, 0, shape, updates[t].update);
+      const RowUpdate update = count_update(s, own, 0);
+      update_shape(s, own, 0, shape, update);
       value.store(a.value, i);
       m.store(a.m, i);
       v.store(a.v, i);
       g.store(a.gradient, i);
+      out = {update.factor, update.correct1, update.correct2, kUpdated};
     } else {
       clear_shape_gradient(a, i);
-      updates[t].state = kCleared;
+      out.state = kCleared;
       atomicAdd(skipped, 1ull);
     }
   }
-  __syncthreads();
-  update_sh<kWords>(s, a, first, rows, updates);
+  updates[i] = out;
+}
+
+// A thread has words of 16 bytes, several at a time: compilers do not move loads before stores.
+template <uint32_t kWords>
+__global__ void __launch_bounds__(kThreads)
+    adam_sh(AdamStep s, AdamArrays a, const ShUpdate* updates, const uint32_t* stop) {
+  if (*stop != 0) return;
+  auto* gradients = reinterpret_cast<float4*>(a.gradient.sh);
+  auto* values = reinterpret_cast<float4*>(a.value.sh);
+  auto* means = reinterpret_cast<float4*>(a.m.sh);
+  auto* squares = reinterpret_cast<float4*>(a.v.sh);
+  const uint64_t first = uint64_t{blockIdx.x} * kShAtOnce * kThreads + threadIdx.x;
+  ShUpdate u[kShAtOnce];
+  float4 x[kShAtOnce], m[kShAtOnce], v[kShAtOnce], g[kShAtOnce];
+#pragma unroll
+  for (uint32_t k = 0; k < kShAtOnce; ++k) {
+    const uint64_t word = first + k * kThreads;
+    u[k] = word < kWords * s.count ? updates[word / kWords] : ShUpdate{0, 0, 0, kLeft};
+    if (u[k].state == kUpdated && 4 * (word % kWords) >= sh_values(s.active_sh_degree)) {
+      u[k].state = kCleared;
+    }
+    if (u[k].state != kUpdated) continue;
+    g[k] = gradients[word];
+    x[k] = values[word];
+    m[k] = means[word];
+    v[k] = squares[word];
+  }
+#pragma unroll
+  for (uint32_t k = 0; k < kShAtOnce; ++k) {
+    const uint64_t word = first + k * kThreads;
+    if (u[k].state == kLeft) continue;
+    gradients[word] = make_float4(0, 0, 0, 0);
+    if (u[k].state == kCleared) continue;
+    const RowUpdate update{u[k].factor, 1, u[k].correct1, u[k].correct2};
+    update_four(s, update, static_cast<uint32_t>(4 * (word % kWords)), &x[k], &m[k], &v[k], g[k]);
+    values[word] = x[k];
+    means[word] = m[k];
+    squares[word] = v[k];
+  }
 }
 
 // Where the SH of a row is not whole words of 16 bytes.
@@ -202,18 +195,27 @@ bool in_words(const AdamArrays& a) {
   return true;
 }
 
+template <uint32_t kWords>
+void launch_in_words(const AdamStep& step, const AdamArrays& arrays, ShUpdate* updates,
+                     const uint32_t* stop, unsigned long long* skipped, cudaStream_t stream) {
+  adam_shape<kWords>
+      <<<grid_of(step.count), kThreads, 0, stream>>>(step, arrays, updates, stop, skipped);
+  adam_sh<kWords>
+      <<<grid_of((kWords * step.count + kShAtOnce - 1) / kShAtOnce), kThreads, 0, stream>>>(
+          step, arrays, updates, stop);
+}
+
 }  // namespace
 
-void launch_adam(const AdamStep& step, const AdamArrays& arrays, const uint32_t* stop,
-                 unsigned long long* skipped, cudaStream_t stream) {
+void launch_adam(const AdamStep& step, const AdamArrays& arrays, ShUpdate* updates,
+                 const uint32_t* stop, unsigned long long* skipped, cudaStream_t stream) {
   if (step.count == 0) return;
-  const unsigned grid = grid_of(step.count);
   if (in_words(arrays) && step.sh_degree == 3) {
-    adam<12><<<grid, kThreads, 0, stream>>>(step, arrays, stop, skipped);
+    launch_in_words<12>(step, arrays, updates, stop, skipped, stream);
   } else if (in_words(arrays) && step.sh_degree == 1) {
-    adam<3><<<grid, kThreads, 0, stream>>>(step, arrays, stop, skipped);
+    launch_in_words<3>(step, arrays, updates, stop, skipped, stream);
   } else {
-    adam_by_rows<<<grid, kThreads, 0, stream>>>(step, arrays, stop, skipped);
+    adam_by_rows<<<grid_of(step.count), kThreads, 0, stream>>>(step, arrays, stop, skipped);
   }
 }
 

@@ -8,10 +8,16 @@
 // Adam of adam.h on a device; arrays are in device memory.
 namespace l4d::train {
 
-// Rows [0, step.count). Does nothing if *stop is not 0. *skipped: rows whose derivatives are not
-// finite are added to it.
-void launch_adam(const AdamStep& step, const AdamArrays& arrays, const uint32_t* stop,
-                 unsigned long long* skipped, cudaStream_t stream);
+// What the SH of a row needs of its update, from one kernel to the next.
+struct alignas(16) ShUpdate {
+  float factor, correct1, correct2;
+  uint32_t state;
+};
+
+// Rows [0, step.count). Does nothing if *stop is not 0. updates [count]: memory of the call.
+// *skipped: rows whose derivatives are not finite are added to it.
+void launch_adam(const AdamStep& step, const AdamArrays& arrays, ShUpdate* updates,
+                 const uint32_t* stop, unsigned long long* skipped, cudaStream_t stream);
 // As catch_up_rows.
 void launch_catch_up(const AdamStep& step, const AdamArrays& arrays, double time,
                      cudaStream_t stream);

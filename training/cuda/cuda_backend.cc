@@ -388,7 +388,8 @@ void CudaBackend::update(const StepInput& input) {
                         sums.screen_gradient,
                         sums.views};
   launch_note_shown(adam, shown, model_.averages(), stop(), stream_);
-  launch_adam(adam, model_.adam_arrays(), stop(), &counts()->skipped_rows, stream_);
+  launch_adam(adam, model_.adam_arrays(), model_.sh_updates(), stop(), &counts()->skipped_rows,
+              stream_);
   mark(kAdam + 1);
   check_cuda(cudaGetLastError(), "launching an update");
 }

@@ -156,6 +156,7 @@ Status DeviceModel::load(const ModelState& state, cudaStream_t stream) {
                                            state.cumulative.size() * sizeof(double),
                                            cudaMemcpyHostToDevice, stream));
   L4D_RETURN_IF_ERROR(make_zero(n, stream, &shown_));
+  L4D_RETURN_IF_ERROR(sh_updates_.reserve(std::max<size_t>(n, 1) * sizeof(ShUpdate)));
   L4D_RETURN_IF_ERROR(make_zero(3 * n * sizeof(float), stream, &covered_));
   L4D_RETURN_IF_ERROR(make_zero(n * sizeof(uint32_t), stream, &step_views_));
   L4D_RETURN_IF_ERROR(make_zero(2 * n * sizeof(uint64_t), stream, &children_));
@@ -317,7 +318,7 @@ uint64_t DeviceModel::bytes() const {
   for (const cuda::DeviceMemory& memory : columns_) bytes += memory.size();
   for (const cuda::DeviceMemory* memory :
        {&coverage_, &error_, &screen_gradient_, &covered_, &shown_, &cumulative_, &children_,
-        &copies_, &step_views_, &partial_, &scratch_, &indices_}) {
+        &copies_, &step_views_, &sh_updates_, &partial_, &scratch_, &indices_}) {
     bytes += memory->size();
   }
   return bytes;
@@ -328,7 +329,8 @@ uint64_t DeviceModel::bytes_of_row(uint32_t sh_degree) {
   const uint32_t degree = stored_degree_of(sh_degree);
   for (const AttributeInfo& attribute : kAttributes) words += kGroups * attribute.numbers(degree);
   words += kColumns;
-  words += 3 + 4;                   // averages and screen gradients; those of a step
+  words += 3 + 4;  // averages and screen gradients; those of a step
+  words += sizeof(ShUpdate) / sizeof(float);
   words += 2 + 4 + 1;               // running sums, children, copies
   words += sh_numbers(degree) + 2;  // scratch memory and indices
   return words * sizeof(float) + 1;

@@ -39,6 +39,7 @@ class DeviceModel {
   uint32_t stored_degree() const { return sh_degree_ <= 1 ? 1 : 3; }  // on the device
 
   AdamArrays adam_arrays() const;
+  ShUpdate* sh_updates() const { return sh_updates_.as<ShUpdate>(); }  // of launch_adam
   DensityArrays density_arrays() const;
   RelocationMemory relocation_memory() const;
   l4d_gaussians gaussians() const;  // of the capacity
@@ -84,7 +85,7 @@ class DeviceModel {
   uint32_t sh_degree_ = 0;
   cuda::DeviceMemory arrays_[kGroups][kNumAttributes], columns_[kColumns];
   cuda::DeviceMemory coverage_, error_, screen_gradient_, covered_, shown_, step_views_,
-      cumulative_, children_, copies_, partial_, scratch_, indices_;
+      sh_updates_, cumulative_, children_, copies_, partial_, scratch_, indices_;
   cuda::PinnedMemory staging_;
 };
 

@@ -261,9 +261,10 @@ TEST(DeviceAdam, IsTheHosts) {
       DeviceAdam device(host);
       const DeviceArray<uint32_t> go(1, 0), stop(1, 1);
       const DeviceArray<unsigned long long> skipped(1, 0);
+      const DeviceArray<ShUpdate> updates(host.count, ShUpdate{});
       AdamStep s = adam_step(host.count, degree, active, sparse);
       // A flag that says stop leaves all as it is.
-      launch_adam(s, device.device(), stop.get(), skipped.get(), nullptr);
+      launch_adam(s, device.device(), updates.get(), stop.get(), skipped.get(), nullptr);
       EXPECT_TRUE(render::equal_bits(device.arrays[0][5]->read(), host.arrays[0][5]));
       uint64_t skips = 0;
       for (int round = 0; round < 3; ++round, ++s.step) {
@@ -272,7 +273,7 @@ TEST(DeviceAdam, IsTheHosts) {
           launch_catch_up(s, device.device(), 1.0, nullptr);
         }
         skips += adam_rows(s, host.host(), 0, host.count);
-        launch_adam(s, device.device(), go.get(), skipped.get(), nullptr);
+        launch_adam(s, device.device(), updates.get(), go.get(), skipped.get(), nullptr);
         for (size_t k = 0; k < 6; ++k) {
           const std::vector<float> next =
               floats(host.arrays[3][k].size(), 1000 + 10 * s.step + k, -1, 1);
