@@ -80,12 +80,12 @@ struct Task {
     in.adam.rates = {};
     in.adam.noise = 0;
     const size_t instant = static_cast<size_t>(step) % kInstants;
-    in.time = time(instant);
     in.measure = step % 8 == 0;
     for (size_t k = 0; k < views; ++k) {
       StepView view;
       const size_t camera = (static_cast<size_t>(step) * views + k) % kCameras;
       view.camera = cameras[camera];
+      view.time = time(instant);
       view.image = instant * kCameras + camera;
       view.target = targets[view.image].data();
       in.views.push_back(view);

@@ -245,7 +245,7 @@ std::vector<l4d_cuda_trainable_view> CudaBackend::live_views(const StepInput& in
   for (size_t v = 0; v < out.size(); ++v) {
     out[v] = L4D_INIT(l4d_cuda_trainable_view);
     out[v].camera = &input.views[range.begin + v].camera;
-    out[v].time = input.time;
+    out[v].time = input.views[range.begin + v].time;
     std::copy_n(input.background, 3, out[v].background);
     out[v].rgb = views_[v].rgb.as<float>();
   }
@@ -348,7 +348,11 @@ void CudaBackend::render_views(const StepInput& input, ViewRange range) {
   if (has_sums_) check(model_.clear_gradients(stream_));
   has_sums_ = true;
   // Rows that it has moved it leaves alone when a step is repeated.
-  if (adam.sparse) launch_catch_up(adam, model_.adam_arrays(), input.time, stream_);
+  if (adam.sparse) {
+    for (const double time : times_of(input)) {
+      launch_catch_up(adam, model_.adam_arrays(), time, stream_);
+    }
+  }
   mark(0);
   send_numbers(&input, range);
   clear_sums(input);
@@ -466,9 +470,9 @@ DensityChange CudaBackend::change_density(DensityStep step, uint64_t growth) {
 io::Image CudaBackend::render(const l4d_camera& camera, double time, const float* background) {
   use();
   StepInput input;
-  input.time = time;
   std::copy_n(background, 3, input.background);
   StepView view;
+  view.time = time;
   view.camera = camera;
   input.views.push_back(view);
   const ViewRange range{0, 1};

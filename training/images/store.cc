@@ -226,10 +226,14 @@ class Reservoir final : public ImageStore {
 
 std::vector<Instant> instants_of(const Capture& capture, const char* split) {
   std::vector<Instant> out;
+  double frame = 0;
   for (uint32_t k = 0; k < capture.views.size(); ++k) {
     const CaptureView& view = capture.views[k];
     if (capture.cameras[view.camera].split != split) continue;
-    if (out.empty() || view.time > out.back().time + 1e-9) out.push_back({view.time, {}});
+    const double nearest = std::min(std::round(view.time * capture.fps), capture.frames - 1.0);
+    if (out.empty() || nearest > frame) out.push_back({view.time, view.time, {}});
+    frame = nearest;
+    out.back().last = view.time;
     out.back().views.push_back(k);
   }
   return out;

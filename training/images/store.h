@@ -12,16 +12,17 @@ namespace l4d::train {
 
 constexpr uint64_t kImageBytes = 4;  // that a pixel counts as
 
-// A moment of a capture, with the images that may be trained on.
+// A frame of the sequence, with the images that may be trained on: those whose times are nearest to
+// it.
 struct Instant {
-  double time = 0;              // s
+  double time = 0, last = 0;    // s, of the first image and of the last
   std::vector<uint32_t> views;  // indices of the capture's views
 };
 // What an image counts as, in bytes.
 inline uint64_t image_bytes(const l4d_camera& camera) {
   return kImageBytes * camera.width * camera.height;
 }
-// The views of the split, by time. Times within 1e-9 s are one instant.
+// The views of the split, by time.
 std::vector<Instant> instants_of(const Capture& capture, const char* split);
 
 // Bytes that images take in memory: all of them, and those of the window that takes the most.

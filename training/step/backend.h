@@ -22,6 +22,7 @@ namespace l4d::train {
 
 struct StepView {
   l4d_camera camera;                 // of the size of the target
+  double time = 0;                   // s; views of a step may differ by parts of a frame
   uint64_t image = 0;                // identifies the target, for back ends that keep images
   const uint8_t* target = nullptr;   // [height, width, 3] on the host
   const uint8_t* alpha = nullptr;    // [height, width] or null
@@ -30,7 +31,6 @@ struct StepView {
 };
 
 struct StepInput {
-  double time = 0;  // s; all views are of one instant
   float background[3] = {0, 0, 0};
   float ssim_weight = 0.2f;
   std::vector<StepView> views;
@@ -44,6 +44,9 @@ struct StepInput {
   // back end alone.
   bool measure_time = false;
 };
+
+// The times of a step's views, each once.
+std::vector<double> times_of(const StepInput& input);
 
 // Seconds since the last call of Backend::take_seconds, by stage. kExchange: sums go from back end
 // to back end, where several share a step.

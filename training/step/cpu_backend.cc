@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <set>
 
 #include "l4d/render.hpp"
 #include "libl4dcodec/base/threads.h"
@@ -16,6 +17,12 @@ namespace l4d::train {
 
 const std::array<const char*, kStages> kStageNames = {"prepare",  "render", "loss",   "backward",
                                                       "exchange", "adam",   "density"};
+
+std::vector<double> times_of(const StepInput& input) {
+  std::set<double> times;
+  for (const StepView& view : input.views) times.insert(view.time);
+  return {times.begin(), times.end()};
+}
 
 namespace {
 
@@ -89,9 +96,11 @@ class CpuBackend final : public PhasedBackend {
     adam.count = state_.count;
     clock_ = StageClock(&seconds_);
     if (adam.sparse) {
-      for_rows([&](uint64_t begin, uint64_t end) {
-        catch_up_rows(adam, adam_arrays(), input.time, begin, end);
-      });
+      for (const double time : times_of(input)) {
+        for_rows([&](uint64_t begin, uint64_t end) {
+          catch_up_rows(adam, adam_arrays(), time, begin, end);
+        });
+      }
     }
     make_slots(range.count());
     clock_.ends(kAdam);
@@ -279,7 +288,7 @@ class CpuBackend final : public PhasedBackend {
     const StepView& view = input.views[index];
     slot->seconds.fill(0);
     StageClock clock(&slot->seconds);
-    l4d_renderer* renderer = prepare(slot, input.time, input.background);
+    l4d_renderer* renderer = prepare(slot, view.time, input.background);
     slot->gradient.sh_degree = state_.sh_degree();
     slot->gradient.resize(static_cast<size_t>(state_.count));
     for_each_attribute(
@@ -317,7 +326,7 @@ class CpuBackend final : public PhasedBackend {
     l4d_gradients gradients = gradients_of(&slot->gradient, state_.count);
     slot->renderer.check(
         l4d_renderer_backward(renderer, &view.camera, slot->rgb_gradient.data(), &gradients));
-    if (input.measure_gradients) measure_gradients(input.time, view.camera, *slot);
+    if (input.measure_gradients) measure_gradients(view.time, view.camera, *slot);
     if (input.measure) measure(loss, renderer, view.camera, slot);
     clock.ends(kBackward);
   }

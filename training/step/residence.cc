@@ -114,15 +114,15 @@ ModelState Residence::rows_at(double time) {
   return merged(resident.rows(here), away, here.size() + away.count);
 }
 
-std::vector<TimeInterval> intervals_of(const std::vector<double>& times,
+std::vector<TimeInterval> intervals_of(const std::vector<TimeInterval>& times,
                                        const std::vector<uint32_t>& which) {
   std::vector<TimeInterval> out;
   for (size_t k = 0; k < which.size(); ++k) {
-    const double time = times[which[k]];
+    const TimeInterval& time = times[which[k]];
     if (k > 0 && which[k] == which[k - 1] + 1) {
-      out.back().end = time;
+      out.back().end = time.end;
     } else {
-      out.push_back({time, time});
+      out.push_back(time);
     }
   }
   return out;

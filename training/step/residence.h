@@ -60,7 +60,7 @@ class Residence {
 
 // The parts of a sequence that instants are in: runs of neighbours in the list are one part. times:
 // of all instants; which: indices of those that are there, sorted.
-std::vector<TimeInterval> intervals_of(const std::vector<double>& times,
+std::vector<TimeInterval> intervals_of(const std::vector<TimeInterval>& times,
                                        const std::vector<uint32_t>& which);
 
 }  // namespace l4d::train

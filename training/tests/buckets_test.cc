@@ -306,13 +306,14 @@ TEST_F(ResidenceTest, VisitsLeaveNoTrace) {
 }
 
 TEST(Residence, MakesIntervalsOfInstants) {
-  const std::vector<double> times = {0, 0.5, 1, 1.5, 2, 2.5, 3};
+  std::vector<TimeInterval> times;
+  for (int k = 0; k < 7; ++k) times.push_back({0.5 * k, 0.5 * k + 0.01});
   const std::vector<TimeInterval> parts = intervals_of(times, {0, 1, 2, 4, 6});
   ASSERT_EQ(parts.size(), 3U);
-  EXPECT_EQ(parts[0].end, 1);
+  EXPECT_EQ(parts[0].end, 1.01);
   EXPECT_EQ(parts[1].begin, 2);
-  EXPECT_EQ(parts[1].end, 2);
-  EXPECT_EQ(parts[2].end, 3);
+  EXPECT_EQ(parts[1].end, 2.01);
+  EXPECT_EQ(parts[2].end, 3.01);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "io/image/video.h"
 #include "tests/common/ffmpeg.h"
 #include "training/images/loader.h"
+#include "training/images/store.h"
 #include "training/run/report/inspect.h"
 #include "training/run/setup/settings.h"
 #include "training/run/train/evaluate.h"
@@ -156,6 +157,12 @@ TEST(Captures, FramesOfAnotherTimeAreLeftOut) {
   }
   EXPECT_THAT(capture.notes,
               testing::Contains(HasSubstr("5 frames are left out: by its time_offset of 0.57 s")));
+  // Those of the sequence are trained with the images nearest to them, each at its own time.
+  const std::vector<Instant> instants = instants_of(capture, "train");
+  ASSERT_EQ(instants.size(), 20U);
+  EXPECT_EQ(instants[6].views.size(), instants[5].views.size() + 1);
+  EXPECT_DOUBLE_EQ(instants[6].time, 0.57);
+  EXPECT_DOUBLE_EQ(instants[6].last, 0.6);
   document["cameras"][3]["time_offset"] = 1e6;
   expect_error(write_document(document), {}, L4D_ERR_CORRUPT, {"camera 3", "1e+06 s", "no frame"});
 }

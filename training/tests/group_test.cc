@@ -69,7 +69,6 @@ class GroupTest : public testing::Test {
   StepInput input(size_t views, uint64_t step = 1) const {
     StepInput in;
     store_->go_to(step);
-    in.time = instants_[3].time;
     ScheduleOptions options;
     options.radius = frame_of(capture_).radius;
     options.duration = capture_.duration();
@@ -79,6 +78,7 @@ class GroupTest : public testing::Test {
     for (size_t k = 0; k < views; ++k) {
       const uint32_t image = instants_[3].views[k];
       StepView view;
+      view.time = capture_.views[image].time;
       view.camera = loader_.camera(capture_.views[image].camera);
       view.image = image;
       view.target = store_->image(image).rgb.data();

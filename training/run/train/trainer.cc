@@ -60,7 +60,7 @@ Trainer::Trainer(const Settings& settings, const Capture& capture, const ImageLo
   schedule_.max_scale = settings.max_scale;
   for (const Instant& instant : instants) {
     training_views_ += instant.views.size();
-    times_.push_back(instant.time);
+    times_.push_back({instant.time, instant.last});
   }
   state_.camera_loss.assign(capture.cameras.size(), 0);
   store_->go_to(0);
@@ -170,7 +170,6 @@ StepReport Trainer::advance() {
       choose_views(instant, static_cast<uint32_t>(&instant - instants_.data()), visit);
 
   StepInput input;
-  input.time = instant.time;
   schedule_.rate_factor = state_.rate_factor;
   input.adam = adam_step_at(schedule_, f, settings_.seed, step, 0);
   input.adam.sparse = settings_.adam == "sparse";
@@ -189,6 +188,7 @@ StepReport Trainer::advance() {
     const uint32_t camera = capture_.views[views[k]].camera;
     StepView view;
     view.camera = loader_.camera(camera);
+    view.time = capture_.views[views[k]].time;
     view.image = views[k];
     const std::vector<uint8_t>& mask = loader_.mask(camera);
     const bool is_half = f < kHalfResolution && mask.empty() &&

@@ -129,7 +129,7 @@ class Trainer {
   Backend* backend_;
   const uint32_t threads_;
   Residence* residence_;
-  std::vector<double> times_;  // of instants
+  std::vector<TimeInterval> times_;  // of instants
   ScheduleOptions schedule_;
   uint64_t training_views_ = 0;
   bool has_alpha_ = false;

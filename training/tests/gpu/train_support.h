@@ -36,7 +36,6 @@ struct Capture {
   StepInput input(uint64_t step, const ScheduleOptions& options, bool sparse) const {
     StepInput in;
     const size_t t = static_cast<size_t>(step % 4);
-    in.time = 0.5 + static_cast<double>(t);
     in.adam = adam_step_at(options, 0.4, 1, step, 0);  // SH of all degrees
     in.adam.sparse = sparse;
     in.measure = step % 3 == 0;
@@ -44,6 +43,7 @@ struct Capture {
       const size_t camera = (static_cast<size_t>(step) * 3 + k) % cameras.size();
       StepView view;
       view.camera = cameras[camera];
+      view.time = 0.5 + static_cast<double>(t) + 0.01 * static_cast<double>(k);
       view.image = camera * 4 + t;
       view.target = targets[camera * 4 + t].data();
       in.views.push_back(view);
