@@ -8,11 +8,29 @@
 namespace l4d::io {
 namespace {
 
-constexpr double kSteady = 0.9;      // of the steps from frame to frame
+constexpr long long kNoTime = INT64_MIN;  // as ffmpeg prints it
+constexpr double kSameRate = 1e-3;
 constexpr double kTolerance = 0.25;  // of a step: times may be whole milliseconds
 
 bool begins_with(const char* line, const char* text) {
   return std::strncmp(line, text, std::strlen(text)) == 0;
+}
+
+// By the mean of the steps that are about as long as the median; 0 where there is none.
+double usual_rate(const std::vector<double>& times) {
+  std::vector<double> steps;
+  for (size_t k = 1; k < times.size(); ++k) steps.push_back(times[k] - times[k - 1]);
+  if (steps.empty()) return 0;
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  const double median = *middle;
+  double sum = 0, count = 0;
+  for (const double step : steps) {
+    if (std::abs(step - median) > kTolerance * median) continue;
+    sum += step;
+    ++count;
+  }
+  return sum > 0 ? count / sum : 0;
 }
 
 }  // namespace
@@ -20,6 +38,7 @@ bool begins_with(const char* line, const char* text) {
 PacketList::PacketList(const std::string& path, std::FILE* list) : path_(path) {
   std::rewind(list);
   double tick = 0, duration = 0;
+  bool has_times = true;
   char line[256];
   while (std::fgets(line, sizeof(line), list) != nullptr) {
     unsigned a = 0, b = 0;
@@ -34,38 +53,25 @@ PacketList::PacketList(const std::string& path, std::FILE* list) : path_(path) {
     } else if (std::sscanf(line, "0, %lld, %lld, %lld, %lld", &dts, &pts, &length, &size) == 4) {
       ++facts_.frames;
       duration += static_cast<double>(length) * tick;
+      has_times = has_times && pts != kNoTime;
       times_.push_back(pts);
       sizes_.push_back(static_cast<uint32_t>(std::clamp<long long>(size, 0, UINT32_MAX)));
     }
   }
-  if (duration > 0) facts_.fps = static_cast<double>(facts_.frames) / duration;
-}
-
-void PacketList::check_times() const {
-  if (times_.size() < 3) return;
-  std::vector<int64_t> times = times_;
-  std::sort(times.begin(), times.end());
-  std::vector<double> steps;
-  for (size_t k = 1; k < times.size(); ++k) {
-    steps.push_back(static_cast<double>(times[k]) - static_cast<double>(times[k - 1]));
+  facts_.fps = duration > 0 ? static_cast<double>(facts_.frames) / duration : 0;
+  if (!has_times) return;
+  std::vector<int64_t> shown = times_;
+  std::sort(shown.begin(), shown.end());
+  for (size_t k = 0; k < shown.size(); ++k) {
+    if (k > 0 && shown[k] == shown[k - 1]) {
+      throw Error(L4D_ERR_CORRUPT, path + ": one time is that of both its frames " +
+                                       std::to_string(k - 1) + " and " + std::to_string(k));
+    }
+    facts_.times.push_back((static_cast<double>(shown[k]) - static_cast<double>(shown[0])) * tick);
   }
-  std::vector<double> sorted = steps;
-  std::sort(sorted.begin(), sorted.end());
-  const double usual = sorted[sorted.size() / 2];
-  const auto is_usual = [usual](double step) {
-    return std::abs(step - usual) <= kTolerance * usual;
-  };
-  const auto steady = std::count_if(steps.begin(), steps.end(), is_usual);
-  if (usual <= 0 || static_cast<double>(steady) < kSteady * static_cast<double>(steps.size())) {
-    return;
-  }
-  for (size_t k = 0; k < steps.size(); ++k) {
-    if (steps[k] > 0 && steps[k] < 1.5 * usual) continue;
-    throw Error(L4D_ERR_CORRUPT, path_ +
-                                     (steps[k] > 0 ? ": a frame is missing between its frames "
-                                                   : ": one time is that of both its frames ") +
-                                     std::to_string(k) + " and " + std::to_string(k + 1));
-  }
+  // Where that is about the same, lengths of frames tell the rate without rounding.
+  const double rate = usual_rate(facts_.times);
+  if (rate > 0 && std::abs(rate - facts_.fps) > kSameRate * rate) facts_.fps = rate;
 }
 
 void PacketList::fail_at(uint64_t byte) const {

@@ -14,16 +14,14 @@ namespace l4d::io {
 // "#dimensions 0: 640x360", then a line for each: stream, dts, pts, duration, size, checksum.
 class PacketList {
  public:
-  // path: of the video, for messages. list: what ffmpeg wrote; it is read from its begin.
+  // path: of the video, for messages. list: what ffmpeg wrote; it is read from its begin. Throws
+  // L4D_ERR_CORRUPT if two frames have one time.
   PacketList(const std::string& path, std::FILE* list);
 
   const VideoFacts& facts() const { return facts_; }
   // Whether it is H.264 or H.265.
   bool has_units() const { return has_units_; }
 
-  // Throws L4D_ERR_CORRUPT if a steady video lacks a frame or has one twice, by their times. A
-  // video whose frames come at uneven times passes.
-  void check_times() const;
   // Throws L4D_ERR_CORRUPT, which names the frame. byte: of all packets, one after the other.
   [[noreturn]] void fail_at(uint64_t byte) const;
 

@@ -22,6 +22,7 @@ namespace l4d::io {
 namespace fs = std::filesystem;
 namespace {
 
+constexpr double kHalfFrame = 0.5;
 // What may be read, whatever the file is called: containers that hold the frames themselves. Others
 // (ffconcat, HLS, image2) are lists, with which a file would have others read.
 constexpr const char* kContainers =
@@ -79,8 +80,7 @@ std::vector<std::string> arguments_of(const std::string& path, uint32_t width, u
   // Damage ends the frames: what ffmpeg would put in the place of a damaged one is no picture.
   std::vector<std::string> arguments = {"-xerror", "-err_detect:v", "explode"};
   if (range.first > 0) {
-    // Half a frame early, for times of frames are rounded.
-    arguments.insert(arguments.end(), {"-ss", decimal((range.first - 0.5) / range.fps)});
+    arguments.insert(arguments.end(), {"-ss", decimal(range.seek)});
   }
   // PPM and not raw frames: it tells the size of each frame, so that a video of another size than
   // the camera's is an error and not a scrambled picture.
@@ -150,16 +150,29 @@ VideoFacts probe_video(const std::string& path, uint32_t width, uint32_t height)
     throw;
   }
   const PacketList packets(path, list.get());
-  packets.check_times();
   const std::optional<uint64_t> damaged = scan.damaged_unit();
   if (damaged && packets.has_units()) packets.fail_at(*damaged);
   return packets.facts();
 }
 
 void check_video(const std::string& path, uint32_t width, uint32_t height) {
-  if (!has_size(path, probe_video(path, width, height), width, height)) {
-    fail_for_size(path, width, height);
+  const VideoFacts facts = probe_video(path, width, height);
+  if (!has_size(path, facts, width, height)) fail_for_size(path, width, height);
+  const double rate = facts.fps;
+  size_t frame = 0;
+  if (is_steady(facts.times, rate, kHalfFrame, &frame)) return;
+  throw Error(L4D_ERR_CORRUPT, path + ": frame " + std::to_string(frame) + " comes at " +
+                                   decimal(facts.times[frame]) + " s, and " + decimal(rate) +
+                                   " frames a second have it at " +
+                                   decimal(static_cast<double>(frame) / rate) + " s");
+}
+
+bool is_steady(const std::vector<double>& times, double fps, double off, size_t* first) {
+  for (size_t k = 0; k < times.size(); ++k) {
+    *first = k;
+    if (std::abs(times[k] * fps - static_cast<double>(k)) >= off) return false;
   }
+  return true;
 }
 
 bool has_size(const std::string& path, const VideoFacts& facts, uint32_t width, uint32_t height) {
@@ -200,9 +213,9 @@ VideoReader::VideoReader(const std::string& path, uint32_t width, uint32_t heigh
   check_size(path, width, height);
   check_size(path, width_, height_);
   check_file(path);
-  if (range.first > 0 && !(range.fps > 0)) {
-    throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": without a frame rate, frame " +
-                                              std::to_string(range.first) + " has no time");
+  if (range.first > 0 && !(range.seek > 0)) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                path + ": nothing says when frame " + std::to_string(range.first) + " comes");
   }
   arguments_ = arguments_of(path, width, height, range);
   may_turn_ = width != height;

@@ -20,15 +20,21 @@ class FfmpegProcess;  // io/image/ffmpeg_process.h
 struct VideoFacts {
   uint32_t width = 0, height = 0;  // pixels, as they are stored
   uint32_t frames = 0;
-  double fps = 0;  // 0 = unknown
+  double fps = 0;  // of most frames: by the time between them; 0 = unknown
+  // [frames] s after the first frame, in the order of showing; empty where the file says none.
+  std::vector<double> times;
 };
+// Whether no frame is `off` frames or more from where a steady rate has it; if not, the first one.
+// times: as of VideoFacts.
+bool is_steady(const std::vector<double>& times, double fps, double off, size_t* first);
 // Reads all packets, and decodes none. Throws Error(L4D_ERR_IO) where ffmpeg is missing or fails,
-// and L4D_ERR_CORRUPT, which names the frame, where a frame is missing or there twice by its time,
-// or where packets of H.264 or H.265 have what no encoder writes (io/image/nal_scan.h).
+// and L4D_ERR_CORRUPT, which names the frame, where two frames have one time, or where packets of
+// H.264 or H.265 have what no encoder writes (io/image/nal_scan.h).
 // width, height: pixels that its frames should have, above which ffmpeg decodes none; 0 = any.
 VideoFacts probe_video(const std::string& path, uint32_t width = 0, uint32_t height = 0);
-// The same for what is about to be read as a video of width x height pixels: throws
-// L4D_ERR_CORRUPT if it has another size.
+// The same for what is about to be read as a video of width x height pixels, whose frames count and
+// not their times: throws L4D_ERR_CORRUPT if it has another size, or where a frame, which it names,
+// is half a frame or more from where the video's own rate has it.
 void check_video(const std::string& path, uint32_t width, uint32_t height);
 // Whether a reader of a video with such facts returns frames of this size: as it is stored, or
 // turned, as phones have it turned.
@@ -39,9 +45,9 @@ void decode_video(const std::string& path, uint32_t width, uint32_t height, uint
 
 // A part of a video, possibly at another size.
 struct VideoRange {
-  bool is_video = false;                   // it was probed: if ffmpeg fails, frames are damaged
-  uint32_t first = 0;                      // frame
-  double fps = 0;                          // of the video, to find `first`; not needed for frame 0
+  bool is_video = false;  // it was probed: if ffmpeg fails, frames are damaged
+  uint32_t first = 0;     // frame
+  double seek = 0;  // s: later than the frame before `first` and no later than `first`; as in times
   uint32_t out_width = 0, out_height = 0;  // pixels: frames are averaged by area; 0 = as they are
 };
 

@@ -122,9 +122,16 @@ FrameChoice frames_of(const std::string& text, Capture* capture) {
 // The sequence then begins with the first frame of the choice.
 void choose_frames(Capture* capture, const CaptureOptions& options) {
   const FrameChoice choice = frames_of(options.frames, capture);
+  // Of the sequence: a camera that drops frames has others there.
+  const auto frame_of = [&](const CaptureView& view) {
+    const CaptureCamera& camera = capture->cameras[view.camera];
+    if (!camera.is_uneven) return view.frame;
+    const double own = view.time - camera.source.time_offset;
+    return static_cast<uint32_t>(std::max(0.0, std::round(own * capture->fps)));
+  };
   const auto left_out = [&](const CaptureView& view) {
-    return view.frame < choice.first || view.frame >= choice.end ||
-           (view.frame - choice.first) % choice.step != 0;
+    const uint32_t frame = frame_of(view);
+    return frame < choice.first || frame >= choice.end || (frame - choice.first) % choice.step != 0;
   };
   auto& views = capture->views;
   views.erase(std::remove_if(views.begin(), views.end(), left_out), views.end());

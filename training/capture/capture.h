@@ -17,6 +17,10 @@ struct CaptureCamera {
   std::string name;     // for people
   std::string split;    // "train" or "test"
   uint32_t frames = 0;  // of its video or its numbered images
+  // [frames] s after the first frame of its video; empty for images, and where the file says none.
+  std::vector<double> times;
+  // Those count: they are not the times of a steady rate.
+  bool is_uneven = false;
   bool is_video() const { return !source.video.empty(); }
 };
 

@@ -70,18 +70,19 @@ void decode_all(const std::string& path, const io::Camera& camera, uint32_t fram
   }
 }
 
-// Frames of the camera, its frame rate, and what ends it; checks what needs no decoding.
-uint32_t call_on(const std::string& path, const io::Camera& camera, const io::CameraSet& set,
-                 bool tolerant, double* fps, std::string* end) {
+// Finds the frames of a camera, its frame rate, and what ends it; checks what needs no decoding.
+void call_on(const std::string& path, const io::CameraSet& set, bool tolerant, CaptureCamera* out,
+             double* fps, std::string* end) {
+  const io::Camera& camera = out->source;
   const uint32_t most = set.frames != 0 ? set.frames : UINT32_MAX;
   if (tolerant && !camera.mask.empty()) {
     const std::string trouble = trouble_of_image(camera.mask, camera.camera);
     if (!trouble.empty()) fail(L4D_ERR_IO, path, camera, "its mask: " + trouble);
   }
   if (!camera.images.empty()) {
-    const uint32_t frames = count_images(camera, most, tolerant, end);
-    if (tolerant && frames == 0) fail(L4D_ERR_IO, path, camera, *end);
-    return frames;
+    out->frames = count_images(camera, most, tolerant, end);
+    if (tolerant && out->frames == 0) fail(L4D_ERR_IO, path, camera, *end);
+    return;
   }
   if (camera.video.empty()) {
     fail(L4D_ERR_CORRUPT, path, camera, "it has neither a video nor images");
@@ -109,19 +110,40 @@ uint32_t call_on(const std::string& path, const io::Camera& camera, const io::Ca
   if (tolerant) decode_all(path, camera, facts.frames);
   *fps = facts.fps;
   *end = camera.video + " has " + std::to_string(facts.frames) + " frames";
-  return std::min(facts.frames, most);
+  out->frames = facts.frames;
+  out->times = std::move(facts.times);
 }
 
-// The views of all frames but those that a camera took before the sequence begins, or after its
-// end.
-void add_views(const std::string& path, Capture* capture) {
+// How far a frame may be from where a steady rate has it, in frames.
+constexpr double kSteady = 0.25;
+
+// The frames of the sequence that a camera reaches, at `rate` frames a second by its own clock.
+// Notes where its times count.
+uint32_t frames_reached(double rate, CaptureCamera* camera, std::vector<std::string>* notes) {
+  const std::vector<double>& times = camera->times;
+  size_t frame = 0;
+  camera->is_uneven = !io::is_steady(times, rate, kSteady, &frame);
+  if (!camera->is_uneven) return camera->frames;
+  notes->push_back("Frames of " + camera->name + " come at uneven times, which count: frame " +
+                   std::to_string(frame) + " at " + io::text_of_number(times[frame]) +
+                   " s, where " + io::text_of_number(rate) + " frames a second have it at " +
+                   io::text_of_number(static_cast<double>(frame) / rate) + " s.");
+  return static_cast<uint32_t>(std::min(std::round(times.back() * rate) + 1, double{UINT32_MAX}));
+}
+
+// The views of all frames of the sequence but those that a camera took before it begins, or after
+// its end. rate: frames a second by the clocks of the cameras.
+void add_views(const std::string& path, double rate, Capture* capture) {
   std::vector<uint32_t> outside(capture->cameras.size());
   const double half_a_frame = 0.5 / capture->fps;
-  for (uint32_t frame = 0; frame < capture->frames; ++frame) {
-    for (uint32_t c = 0; c < capture->cameras.size(); ++c) {
-      const io::Camera& source = capture->cameras[c].source;
-      CaptureView view{c, frame, static_cast<double>(frame) / capture->fps + source.time_offset,
-                       ""};
+  for (uint32_t c = 0; c < capture->cameras.size(); ++c) {
+    const CaptureCamera& camera = capture->cameras[c];
+    const io::Camera& source = camera.source;
+    for (uint32_t frame = 0; frame < camera.frames; ++frame) {
+      const double place =
+          camera.is_uneven ? camera.times[frame] * rate : static_cast<double>(frame);
+      if (std::round(place) >= capture->frames) break;
+      CaptureView view{c, frame, place / capture->fps + source.time_offset, ""};
       if (view.time < -half_a_frame || view.time > capture->duration() + half_a_frame) {
         ++outside[c];
         continue;
@@ -136,7 +158,8 @@ void add_views(const std::string& path, Capture* capture) {
     const io::Camera& source = capture->cameras[c].source;
     const std::string offset =
         "by its time_offset of " + io::text_of_number(source.time_offset) + " s ";
-    if (outside[c] == capture->frames) {
+    if (!std::any_of(capture->views.begin(), capture->views.end(),
+                     [c](const CaptureView& view) { return view.camera == c; })) {
       fail(L4D_ERR_CORRUPT, path, source, offset + "no frame of it lies in the sequence");
     }
     capture->notes.push_back("Of " + capture->cameras[c].name + ", " + std::to_string(outside[c]) +
@@ -162,7 +185,7 @@ Capture make_video_capture(const std::string& path, io::CameraSet set,
     camera.split = source.split;
     std::string end;
     try {
-      camera.frames = call_on(path, source, set, options.tolerant, &video_fps, &end);
+      call_on(path, set, options.tolerant, &camera, &video_fps, &end);
     } catch (const Error& error) {
       if (!options.tolerant) throw;
       left_out.add(error.what());
@@ -173,14 +196,23 @@ Capture make_video_capture(const std::string& path, io::CameraSet set,
   }
   left_out.append_to(&capture.notes);
   if (capture.cameras.empty()) throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": no camera is left");
+  double rate = set.fps > 0 ? set.fps : video_fps;
+  if (!(rate > 0)) {
+    rate = options.fps > 0 ? options.fps : 30;
+    if (!(options.fps > 0)) {
+      capture.notes.push_back("Nothing tells the frame rate; it is taken to be 30.");
+    }
+  }
+  capture.fps = options.fps > 0 ? options.fps : rate;
   uint32_t shortest = UINT32_MAX, longest = 0;
   const CaptureCamera* short_one = nullptr;
-  for (const CaptureCamera& camera : capture.cameras) {
-    if (camera.frames < shortest) {
-      shortest = camera.frames;
+  for (CaptureCamera& camera : capture.cameras) {
+    const uint32_t reached = frames_reached(rate, &camera, &capture.notes);
+    if (reached < shortest) {
+      shortest = reached;
       short_one = &camera;
     }
-    longest = std::max(longest, camera.frames);
+    longest = std::max(longest, reached);
   }
   const uint32_t wanted = set.frames != 0 ? set.frames : longest;
   if (shortest < wanted) {
@@ -192,18 +224,15 @@ Capture make_video_capture(const std::string& path, io::CameraSet set,
                             short_one->name + ", " + what + ".");
   }
   capture.frames = std::min(shortest, wanted);
-  capture.fps = options.fps > 0 ? options.fps : set.fps > 0 ? set.fps : video_fps;
-  if (!(capture.fps > 0)) {
-    capture.fps = 30;
-    capture.notes.push_back("Nothing tells the frame rate; it is taken to be 30.");
-  }
   // Twice, for a list that grows, with the path of an image.
   constexpr uint64_t kPathBytes = 128;
-  capture.memory = io::hold(
-      options.holder,
-      uint64_t{2} * capture.frames * capture.cameras.size() * (sizeof(CaptureView) + kPathBytes),
-      path + ": the list of its images");
-  add_views(path, &capture);
+  uint64_t bytes = 0;
+  for (const CaptureCamera& camera : capture.cameras) {
+    const uint64_t images = camera.is_uneven ? camera.frames : capture.frames;
+    bytes += 2 * images * (sizeof(CaptureView) + kPathBytes) + camera.times.size() * sizeof(double);
+  }
+  capture.memory = io::hold(options.holder, bytes, path + ": the list of its images");
+  add_views(path, rate, &capture);
   return capture;
 }
 

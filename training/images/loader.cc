@@ -25,6 +25,13 @@ io::Image read_mask(const CaptureCamera& camera, const io::Hold& holder) {
   }
 }
 
+// A time between a frame and the one before. Half a frame early, for times are rounded.
+double seek_of(const CaptureCamera& camera, uint32_t frame, double fps) {
+  const std::vector<double>& times = camera.times;
+  if (times.empty()) return (frame - 0.5) / fps;
+  return frame < times.size() ? (times[frame - 1] + times[frame]) / 2 : times.back();
+}
+
 }  // namespace
 
 ImageLoader::ImageLoader(const Capture& capture, double scale, double near) : capture_(capture) {
@@ -118,8 +125,8 @@ void ImageLoader::load_video(uint32_t index, const std::vector<uint32_t>& views,
   const bool scales_itself = undistortions_[index] != nullptr;
   io::VideoRange range;
   range.is_video = true;
-  range.fps = capture_.fps;
   range.first = capture_.views[views.front()].frame;
+  if (range.first > 0) range.seek = seek_of(camera, range.first, capture_.fps);
   if (!scales_itself) {
     range.out_width = out.width;
     range.out_height = out.height;

@@ -383,6 +383,54 @@ TEST_F(VideoCaptures, WatchedViewsTakeAllCameras) {
   EXPECT_EQ(views_to_watch(capture, "test", 1000).size(), capture.views.size());
 }
 
+// As phones record: frames are left out, and those that are there have their times.
+TEST_F(VideoCaptures, TimesOfPacketsCount) {
+  const std::string video = path_ + "/cam01.mp4", whole = path_ + "/whole.mp4";
+  std::filesystem::rename(video, whole);
+  const std::string drop = "ffmpeg -v error -i '" + whole +
+                           "' -vf \"select='not(between(n,3,4))'\" -vsync passthrough -c:v libx264 "
+                           "-crf 0 '" +
+                           video + "'";
+  ASSERT_EQ(std::system(drop.c_str()), 0);
+  const auto frames_of_one = [](const Capture& capture) {
+    std::map<uint32_t, double> times;
+    for (const CaptureView& view : capture.views) {
+      if (view.camera == 1) times[view.frame] = std::round(1e6 * view.time) / 1e6;
+    }
+    return times;
+  };
+  const Capture capture = read_capture(path_, {});
+  EXPECT_EQ(capture.frames, 12U);
+  EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("camera 1 come at uneven times, which "
+                                                         "count: frame 3 at 0.5 s, where 10 ")));
+  EXPECT_EQ(frames_of_one(capture), (std::map<uint32_t, double>{{0, 0},
+                                                                {1, .1},
+                                                                {2, .2},
+                                                                {3, .5},
+                                                                {4, .6},
+                                                                {5, .7},
+                                                                {6, .8},
+                                                                {7, .9},
+                                                                {8, 1},
+                                                                {9, 1.1}}));
+  CaptureOptions options;
+  options.frames = "2:8";
+  EXPECT_EQ(frames_of_one(read_capture(path_, options)),
+            (std::map<uint32_t, double>{{2, 0}, {3, .3}, {4, .4}, {5, .5}}));
+  // The pictures are those of their times.
+  io::VideoReader reader(whole, 64, 48);
+  io::Image image;
+  reader.read(7, &image);
+  std::vector<uint8_t> wanted(image.rgb.size());
+  io::to_bytes(image.rgb.data(), image.rgb.size(), wanted.data());
+  for (uint32_t k = 0; k < capture.views.size(); ++k) {
+    if (capture.views[k].camera != 1 || capture.views[k].frame != 5) continue;
+    ImageLoader(capture, 1).load({k}, 1, [&](uint32_t, const Pixels& pixels) {
+      EXPECT_EQ(pixels.rgb, wanted);
+    });
+  }
+}
+
 TEST_F(VideoCaptures, WrongVideosAreNamed) {
   json document = json::parse(test::bytes_of(path_ + "/cameras.json"));
   const auto write = [&] { std::ofstream(path_ + "/cameras.json") << document; };
