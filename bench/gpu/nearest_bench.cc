@@ -82,19 +82,18 @@ std::vector<unsigned char> quantise(const l4d::io::Scene& scene, bool by_hand, u
   l4d_encoder_options options = L4D_INIT(l4d_encoder_options);
   options.backend = backend;
   l4d::EncoderHandle e(&options);
-  e.check(l4d_encoder_set_preset(e.get(), "indexed"));
+  e.set_preset("indexed");
   if (by_hand) {
-    e.check(l4d_encoder_set(e.get(), L4D_ENC_CODEBOOK_SIZE, 4096));
-    e.set_list(L4D_ENC_STAGES, {1});
+    e.set(L4D_ENC_CODEBOOK_SIZE, 4096);
+    e.set_list(L4D_ENC_STAGES, std::vector<double>{1});
   }
   const l4d_gaussians view = scene.view();
-  e.check(l4d_encoder_set_scene(e.get(), &view, &scene.timeline, &scene.placement));
+  e.set_scene(view, scene.timeline, &scene.placement);
   const Clock::time_point started = Clock::now();
   std::vector<unsigned char> file = e.encode();
   const double total = seconds_since(started);
   double vq = 0;
-  l4d_encode_report report = L4D_INIT(l4d_encode_report);
-  e.check(l4d_encoder_get_report(e.get(), &report));
+  const l4d_encode_report report = e.report();
   for (uint32_t i = 0; i < report.num_steps; ++i) {
     if (std::strstr(report.steps[i].name, "_vq") != nullptr) vq += report.steps[i].seconds;
   }
