@@ -2,6 +2,7 @@
 #include "decoder/copy/blank_detail.h"
 
 #include <cstdlib>
+#include <utility>
 #include <vector>
 
 #include "decoder/copy/damaged_pages.h"
@@ -97,7 +98,8 @@ Status decode_base(SceneFile& file, const PageTask& task, const EntropyTables& t
   PageWants wants;
   wants.sh_detail = false;
   RansPage page{&decoder, chunks, task.block(), task.record.num_gaussians, columns};
-  return decode_rans_page(header, header.layers[task.layer], tables, wants, &page);
+  decode_rans_page(header, header.layers[task.layer], tables, wants, &page);
+  return std::move(page.status);
 }
 
 }  // namespace

@@ -171,15 +171,16 @@ void PageDecoder::parse_pages(const Pages& pages, size_t first, size_t last, Par
       layer_of(first) == layer_of(first + 1)) {
     decode_rans_pages(header, header.layers[layer_of(first)], *batch->tables[first], pages.wants,
                       &parsing[0].rans, &parsing[1].rans);
+  } else {
     for (size_t i = first; i < last; ++i) {
-      batch->status[i] = std::move(parsing[i - first].rans.status);
+      if (!parsing[i - first].is_rans) continue;
+      decode_rans_page(header, header.layers[layer_of(i)], *batch->tables[i], pages.wants,
+                       &parsing[i - first].rans);
     }
-    return;
   }
   for (size_t i = first; i < last; ++i) {
-    if (!parsing[i - first].is_rans) continue;
-    batch->status[i] = decode_rans_page(header, header.layers[layer_of(i)], *batch->tables[i],
-                                        pages.wants, &parsing[i - first].rans);
+    Parsing& page = parsing[i - first];
+    if (page.is_rans) batch->status[i] = std::move(page.rans.status);
   }
 }
 

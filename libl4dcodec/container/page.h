@@ -136,9 +136,9 @@ struct RansPage {
 
 // Parses a rans32 page with the tables of its layer. Channels are coded one after another, so that
 // only those behind the last one that is wanted can be left out, and the SH chunk; columns before
-// are filled unasked. Returns the status of the page.
-Status decode_rans_page(const SceneHeader& header, const LayerHeader& layer,
-                        const EntropyTables& tables, const PageWants& wants, RansPage* page);
+// are filled unasked. What became of it is in its status.
+void decode_rans_page(const SceneHeader& header, const LayerHeader& layer,
+                      const EntropyTables& tables, const PageWants& wants, RansPage* page);
 // Two pages of a layer at once, each as if alone: the states of one do not wait for those of the
 // other.
 void decode_rans_pages(const SceneHeader& header, const LayerHeader& layer,

@@ -398,14 +398,13 @@ void take_alone(const RansKernels& kernels, RansPageParser& page) {
 
 }  // namespace
 
-Status decode_rans_page(const SceneHeader& header, const LayerHeader& layer,
-                        const EntropyTables& tables, const PageWants& wants, RansPage* page) {
+void decode_rans_page(const SceneHeader& header, const LayerHeader& layer,
+                      const EntropyTables& tables, const PageWants& wants, RansPage* page) {
   RansPageParser parser(header, layer, tables, wants, *page);
   while (parser.next()) {
     take_alone(*page->decoder->kernels, parser);
     parser.done();
   }
-  return page->status;
 }
 
 void decode_rans_pages(const SceneHeader& header, const LayerHeader& layer,
@@ -413,10 +412,7 @@ void decode_rans_pages(const SceneHeader& header, const LayerHeader& layer,
                        RansPage* second) {
   const RansKernels& kernels = *first->decoder->kernels;
   if (kernels.hybrid_pair == nullptr) {
-    for (RansPage* page : {first, second}) {
-      // The status is in the page.
-      static_cast<void>(decode_rans_page(header, layer, tables, wants, page).ok());
-    }
+    for (RansPage* page : {first, second}) decode_rans_page(header, layer, tables, wants, page);
     return;
   }
   RansPageParser a(header, layer, tables, wants, *first);
@@ -426,8 +422,8 @@ void decode_rans_pages(const SceneHeader& header, const LayerHeader& layer,
     // The one that is behind goes on alone: a page may have no SH chunk, or be damaged.
     const bool takes_a = has_a && (!has_b || a.channel() <= b.channel());
     const bool takes_b = has_b && (!has_a || b.channel() <= a.channel());
-    // What has no symbols may look as if it had no contexts.
-    if (takes_a && takes_b && !a.is_wide() && a.tables() == b.tables()) {
+    // With symbols in both, the tables are the same.
+    if (takes_a && takes_b && !a.is_wide() && a.task().count > 0 && b.task().count > 0) {
       kernels.hybrid_pair(a.tables(), a.task(), b.task());
     } else {
       if (takes_a) take_alone(kernels, a);

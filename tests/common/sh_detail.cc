@@ -36,7 +36,8 @@ std::vector<CodedPage> decode_pages(const SceneHeader& header, const LayerHeader
       parts.first = d.pages[p].raw;
       PageColumns columns;
       RansPage page{&decoder, parts, block, record.num_gaussians, &columns};
-      require(decode_rans_page(header, layer, tables, PageWants(), &page));
+      decode_rans_page(header, layer, tables, PageWants(), &page);
+      require(page.status);
       pages.push_back({&d, p, std::move(columns)});
     }
   }

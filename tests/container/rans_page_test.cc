@@ -87,8 +87,8 @@ class Parser {
     Status detail;
     const bool decodes = with_detail && !page.detail.empty();
     RansPage coded{&decoder_, page.parts(), block, n, out, sections, decodes ? &detail : nullptr};
-    const Status first = decode_rans_page(header, layer, tables, wants, &coded);
-    return first.ok() ? detail : first;
+    decode_rans_page(header, layer, tables, wants, &coded);
+    return coded.status.ok() ? detail : coded.status;
   }
 
  private:

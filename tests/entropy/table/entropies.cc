@@ -204,7 +204,8 @@ void measure(const test::StreamEditor& file, size_t l,
       Status detail;
       RansPage coded{&decoder, parts, nullptr, record.num_gaussians, &page};
       if (parts.has_detail) coded.detail = &detail;
-      require(decode_rans_page(file.header, layer, tables, PageWants(), &coded));
+      decode_rans_page(file.header, layer, tables, PageWants(), &coded);
+      require(coded.status);
       require(detail);
       const Neighbours near(page, file.header.opacity.bits);
       meter.begin(page, near);
