@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 
+#include "io/image/metrics.h"
 #include "io/image/video.h"
 
 namespace l4d::eval {
@@ -37,7 +38,7 @@ std::vector<uint8_t> to_bytes(const io::Image& image) {
 
 CapturedImages::CapturedImages(const CameraViews& all, const std::vector<size_t>& views,
                                Observer& observer)
-    : all_(all), bytes_(all.views.size()) {
+    : all_(all), bytes_(all.views.size()), masks_(all.set.cameras.size()) {
   std::map<size_t, std::vector<size_t>> by_camera;  // views, by rising frame
   for (const size_t view : views) by_camera[all.views[view].camera].push_back(view);
   size_t done = 0;
@@ -48,10 +49,19 @@ CapturedImages::CapturedImages(const CameraViews& all, const std::vector<size_t>
     const io::Camera& camera = all.set.cameras[index];
     const uint64_t pixels = uint64_t{camera.camera.width} * camera.camera.height;
     io::require_inside(all.set, camera);
-    // All images as bytes, and one as it is read.
-    memory_.push_back(io::hold(all.set.holder, (3 * of_camera.size() + kReadingBytes) * pixels,
+    // All images as bytes, the mask, and one as it is read.
+    memory_.push_back(io::hold(all.set.holder, (3 * of_camera.size() + 1 + kReadingBytes) * pixels,
                                "a set of images of " + camera_name(camera)));
     const io::ImageLimits limits{camera.camera.width, camera.camera.height, all.set.holder};
+    if (!camera.mask.empty()) {
+      about_camera(camera, [&] {
+        std::vector<uint8_t>& mask = masks_[index];
+        mask = io::mask_of(io::read_image(camera.mask, limits));
+        if (std::find(mask.begin(), mask.end(), 255) != mask.end()) return;
+        throw io::Error(L4D_ERR_CORRUPT,
+                        "by its mask, " + camera.mask + ", none of its pixels counts");
+      });
+    }
     const auto keep = [&](size_t view) {
       observer.check();
       observer.update(done++, views.size(), "reading captured images");
@@ -84,11 +94,12 @@ CapturedImages::CapturedImages(const CameraViews& all, const std::vector<size_t>
   }
 }
 
-io::Image CapturedImages::image(size_t view) const {
-  const l4d_camera& camera = all_.set.cameras[all_.views[view].camera].camera;
+CapturedImage CapturedImages::image(size_t view) const {
+  const size_t index = all_.views[view].camera;
+  const l4d_camera& camera = all_.set.cameras[index].camera;
   io::Image image(camera.width, camera.height);
   io::from_bytes(bytes_[view].data(), bytes_[view].size(), image.rgb.data());
-  return image;
+  return {std::move(image), masks_[index]};
 }
 
 std::vector<std::vector<size_t>> parts_of(const CameraViews& all) {

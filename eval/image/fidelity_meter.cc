@@ -72,7 +72,7 @@ FidelityMeter::FidelityMeter(RenderedScene& original, CameraViews views,
     if (error.status() != L4D_ERR_LIMIT_EXCEEDED) throw;
     renders_.assign(num_views(), std::nullopt);  // each is made again when it is needed
   }
-  render_all(observer, original_, [&](size_t view, const io::Image& render, const io::Image*) {
+  render_all(observer, original_, [&](size_t view, const io::Image& render, const CapturedImage*) {
     if (renders_[view]) *renders_[view] = render;
   });
 }
@@ -93,7 +93,7 @@ void FidelityMeter::render_all(Observer& observer, RenderedScene& scene, const A
         add(view, image, nullptr);
         continue;
       }
-      const io::Image seen = (captured_ ? *captured_ : *read).image(view);
+      const CapturedImage seen = (captured_ ? *captured_ : *read).image(view);
       add(view, image, &seen);
     }
   }
@@ -101,8 +101,8 @@ void FidelityMeter::render_all(Observer& observer, RenderedScene& scene, const A
 
 double FidelityMeter::mean_psnr(Observer& observer, RenderedScene& scene) {
   double sum = 0;
-  render_all(observer, scene, [&](size_t, const io::Image& render, const io::Image* seen) {
-    sum += capped_psnr(io::mse(render, *seen));
+  render_all(observer, scene, [&](size_t, const io::Image& render, const CapturedImage* seen) {
+    sum += capped_psnr(io::mse(render, seen->image, seen->mask));
   });
   return sum / static_cast<double>(num_views());
 }
@@ -115,7 +115,7 @@ const io::Image& FidelityMeter::original(size_t view) {
 }
 
 void FidelityMeter::visit(RenderedScene& coded, Observer& observer, const Visit& visit_view) {
-  render_all(observer, coded, [&](size_t view, const io::Image& render, const io::Image*) {
+  render_all(observer, coded, [&](size_t view, const io::Image& render, const CapturedImage*) {
     visit_view(view, original(view), render);
   });
 }

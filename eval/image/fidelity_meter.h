@@ -59,7 +59,7 @@ class FidelityMeter {
   double psnr_loss(RenderedScene& coded, Observer& observer);
 
  private:
-  using Add = std::function<void(size_t view, const io::Image& render, const io::Image* seen)>;
+  using Add = std::function<void(size_t view, const io::Image& render, const CapturedImage* seen)>;
   // `seen` is null unless captured images are held.
   void render_all(Observer& observer, RenderedScene& scene, const Add& add);
   double mean_psnr(Observer& observer, RenderedScene& scene);

@@ -73,9 +73,13 @@ ImageComparison compare_images(RenderedScene& a, RenderedScene& b, const CameraV
     }
   }
   result.views.resize(all.views.size());
-  const auto error_of = [&](const io::Image& x, const io::Image& y) {
-    return ImageError{io::mse(x, y), io::ssim(x, y, threads),
-                      lpips == nullptr ? 0 : lpips->distance(x, y, threads)};
+  const auto error_of = [&](const io::Image& x, const io::Image& y,
+                            const std::vector<uint8_t>& mask = {}) {
+    const auto distance = [&] {
+      return lpips->distance(io::masked(x, mask), io::masked(y, mask), threads);
+    };
+    return ImageError{io::mse(x, y, mask), io::ssim(x, y, threads, mask),
+                      lpips == nullptr ? 0 : distance()};
   };
   io::Image image_a, image_b;
   size_t done = 0;
@@ -97,9 +101,9 @@ ImageComparison compare_images(RenderedScene& a, RenderedScene& b, const CameraV
       result.render_seconds += std::chrono::duration<double>(Clock::now() - begun).count();
       out.fidelity = error_of(image_a, image_b);
       if (!captured) continue;
-      const io::Image seen = captured->image(index);
-      out.a = error_of(image_a, seen);
-      out.b = error_of(image_b, seen);
+      const CapturedImage seen = captured->image(index);
+      out.a = error_of(image_a, seen.image, seen.mask);
+      out.b = error_of(image_b, seen.image, seen.mask);
     }
   }
   return result;

@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
+#include <utility>
 
 #include "libl4dcodec/base/threads.h"
 
@@ -25,8 +25,11 @@ constexpr float kShift = 0.5F;
 // number of threads.
 constexpr size_t kStripRows = 64;
 
-void check_sizes(const Image& a, const Image& b) {
+void check_sizes(const Image& a, const Image& b, const std::vector<uint8_t>& mask) {
   if (!a.same_size(b)) throw Error(L4D_ERR_INVALID_ARGUMENT, "the images differ in size");
+  if (!mask.empty() && 3 * mask.size() != a.rgb.size()) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT, "the mask has another size than the images");
+  }
   if (a.rgb.empty()) throw Error(L4D_ERR_INVALID_ARGUMENT, "the images are empty");
 }
 
@@ -52,22 +55,26 @@ std::array<float, kRadius + 1> window() {
 // The filtered maps of a strip of rows, kept for as many rows as the window is high.
 class SsimStrip {
  public:
-  SsimStrip(const Image& a, const Image& b)
-      : a_(a), b_(b), in_values_(size_t{3} * a.width), out_values_(in_values_ - 3 * 2 * kRadius) {
+  SsimStrip(const Image& a, const Image& b, const std::vector<uint8_t>& mask)
+      : a_(a),
+        b_(b),
+        mask_(mask),
+        in_values_(size_t{3} * a.width),
+        out_values_(in_values_ - 3 * 2 * kRadius) {
     moments_.resize(kMaps * in_values_);
     ring_.resize(kMaps * kTaps * out_values_);
     filtered_.resize(kMaps * out_values_);
     similarity_.resize(out_values_);
   }
 
-  // Sum over rows [first, end) of the result.
-  double sum(size_t first, size_t end) {
-    double total = 0;
+  // Sum over rows [first, end) of the result, and how many values count.
+  std::pair<double, size_t> sum(size_t first, size_t end) {
+    std::pair<double, size_t> total{};
     for (size_t y = first; y < first + 2 * kRadius; ++y) filter_along_row(y);
     for (size_t y = first; y < end; ++y) {
       filter_along_row(y + 2 * kRadius);
       for (size_t map = 0; map < kMaps; ++map) filter_across_rows(map, y);
-      total += row_sum();
+      add_row(y, &total);
     }
     return total;
   }
@@ -114,7 +121,7 @@ class SsimStrip {
     }
   }
 
-  double row_sum() {
+  void add_row(size_t y, std::pair<double, size_t>* total) {
     const float* mean_a = filtered_.data();
     const float* mean_b = mean_a + out_values_;
     const float* squares = mean_b + out_values_;
@@ -127,13 +134,19 @@ class SsimStrip {
       similarity_[i] = (2 * full_a * full_b + kC1) * (2 * covariance + kC2) /
                        ((full_a * full_a + full_b * full_b + kC1) * (variances + kC2));
     }
-    double total = 0;
-    for (const float s : similarity_) total += static_cast<double>(s);
-    return total;
+    double sum = 0;
+    const uint8_t* counts = mask_.empty() ? nullptr : &mask_[(y + kRadius) * a_.width + kRadius];
+    for (size_t i = 0; i < out_values_; ++i) {
+      if (counts != nullptr && counts[i / 3] == 0) continue;
+      sum += static_cast<double>(similarity_[i]);
+      ++total->second;
+    }
+    total->first += sum;
   }
 
   const Image& a_;
   const Image& b_;
+  const std::vector<uint8_t>& mask_;
   const std::array<float, kRadius + 1> weights_ = window();
   size_t in_values_, out_values_;  // of a row, all channels
   std::vector<float> moments_, ring_, filtered_, similarity_;
@@ -141,40 +154,64 @@ class SsimStrip {
 
 }  // namespace
 
-double mse(const Image& a, const Image& b) {
-  check_sizes(a, b);
+std::vector<uint8_t> mask_of(const Image& image) {
+  std::vector<uint8_t> mask(image.rgb.size() / 3);
+  for (size_t i = 0; i < mask.size(); ++i) {
+    const float* at = &image.rgb[3 * i];
+    mask[i] = at[0] + at[1] + at[2] < 1.5F ? 0 : 255;
+  }
+  return mask;
+}
+
+Image masked(Image image, const std::vector<uint8_t>& mask) {
+  for (size_t i = 0; i < mask.size(); ++i) {
+    if (mask[i] == 0) std::fill_n(&image.rgb[3 * i], 3, 0.0F);
+  }
+  return image;
+}
+
+double mse(const Image& a, const Image& b, const std::vector<uint8_t>& mask) {
+  check_sizes(a, b, mask);
   double sum = 0;
+  size_t values = 0;
   const size_t row_values = size_t{3} * a.width;
   for (size_t first = 0; first < a.rgb.size(); first += row_values) {
     double row = 0;
     for (size_t i = first; i < first + row_values; ++i) {
+      if (!mask.empty() && mask[i / 3] == 0) continue;
       const double d = static_cast<double>(clamped(a.rgb[i]) - clamped(b.rgb[i]));
       row += d * d;
+      ++values;
     }
     sum += row;
   }
-  return sum / static_cast<double>(a.rgb.size());
+  return sum / static_cast<double>(values);
 }
 
 double psnr_of_mse(double mse) { return -10 * std::log10(mse); }
 
-double ssim(const Image& a, const Image& b, uint32_t threads) {
-  check_sizes(a, b);
+double ssim(const Image& a, const Image& b, uint32_t threads, const std::vector<uint8_t>& mask) {
+  check_sizes(a, b, mask);
   if (a.width < kTaps || a.height < kTaps) {
     throw Error(L4D_ERR_INVALID_ARGUMENT, "SSIM needs images of at least 11 x 11 pixels");
   }
   const size_t rows = a.height - 2 * kRadius;
-  std::vector<double> sums((rows + kStripRows - 1) / kStripRows);
+  std::vector<std::pair<double, size_t>> sums((rows + kStripRows - 1) / kStripRows);
   // A grain of one strip each; a strip's sum does not depend on who works it out.
   parallel_for(static_cast<int>(threads), sums.size(), 1, [&](size_t begin, size_t end) {
-    SsimStrip worker(a, b);
+    SsimStrip worker(a, b, mask);
     for (size_t strip = begin; strip < end; ++strip) {
       const size_t first = strip * kStripRows;
       sums[strip] = worker.sum(first, std::min(first + kStripRows, rows));
     }
   });
-  const double values = static_cast<double>(rows * (a.width - 2 * kRadius) * 3);
-  return std::accumulate(sums.begin(), sums.end(), 0.0) / values;
+  double total = 0;
+  size_t values = 0;
+  for (const auto& [sum, count] : sums) {
+    total += sum;
+    values += count;
+  }
+  return total / static_cast<double>(values);
 }
 
 void FidelityAccumulator::add(double mse, double ssim) {

@@ -19,6 +19,21 @@ cp set/cam0/0001.png kept.png
 cp set/cam0/0005.png set/cam0/0001.png
 expect_document 0 compare s.ply s.ply --cameras set/c.json --ids 0 --frames 1 --images
 expect_json out 'd["psnr_a_db"] < 50'
+# A mask leaves its pixels: here a corner without Gaussians, or none.
+for pixels in 12 0; do
+  "$PYTHON" -c 'import struct, sys, zlib
+def chunk(name, data):
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+n = int(sys.argv[1])
+rows = b"".join(b"\0" + bytes(255 * (x < n and y < n) for x in range(96)) for y in range(64))
+sys.stdout.buffer.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 96, 64, 8, 0, 0, 0, 0)) +
+                        chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))' $pixels > set/mask$pixels.png
+  sed "s|\"images\"|\"mask\": \"mask$pixels.png\", \"images\"|g" set/c.json > set/masked$pixels.json
+done
+expect_document 0 compare s.ply s.ply --cameras set/masked12.json --ids 0 --frames 1 --images
+expect_json out 'd["psnr_a_db"] == 100 and d["ssim_a"] == 1'
+expect 4 compare s.ply s.ply --cameras set/masked0.json --ids 0 --frames 1 --images
+expect_text err 'camera 0: by its mask, set/mask0.png, none of its pixels counts$'
 expect 0 render s.ply --cameras set/c.json --scale 0.5 -f -o set/cam0/small.png
 mv set/cam0/small.png set/cam0/0001.png
 expect 4 compare s.ply s.ply --cameras set/c.json --ids 0 --frames 0:6 --images

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <random>
 #include <utility>
+#include <vector>
 
 #include "tests/io/support.h"
 
@@ -94,6 +96,39 @@ TEST(Metrics, SsimIsThatOfTheDefinition) {
       EXPECT_EQ(ssim(a, b, threads), ssim(a, b));
     }
   }
+}
+
+// A mask leaves the figures of its own pixels, and not of what is black beside them.
+TEST(Metrics, MasksLeaveTheirPixels) {
+  Image a(40, 24), b(40, 24);
+  std::mt19937 random(3);
+  const auto noise = [&] { return static_cast<float>(random() % 1000) / 999; };
+  std::vector<uint8_t> mask(size_t{40} * 24);
+  double sum = 0;
+  for (size_t i = 0; i < mask.size(); ++i) {
+    mask[i] = i % 40 < 13 ? 255 : 0;
+    for (size_t c = 3 * i; c < 3 * i + 3; ++c) {
+      a.rgb[c] = noise();
+      b.rgb[c] = mask[i] != 0 ? noise() : a.rgb[c];
+      sum += std::pow(static_cast<double>(a.rgb[c] - b.rgb[c]), 2);
+    }
+  }
+  EXPECT_NEAR(mse(a, b, mask), sum / (3 * 13 * 24), 1e-9);
+  // Windows around the mask's columns 5 to 12 reach column 17.
+  Image left_a(18, 24), left_b(18, 24);
+  for (size_t y = 0; y < 24; ++y) {
+    for (size_t x = 0; x < size_t{3} * 18; ++x) {
+      left_a.rgb[y * 54 + x] = a.rgb[y * 120 + x];
+      left_b.rgb[y * 54 + x] = b.rgb[y * 120 + x];
+    }
+  }
+  EXPECT_NEAR(ssim(a, b, 1, mask), ssim(left_a, left_b), 1e-6);
+  EXPECT_EQ(ssim(a, b, 1, mask), ssim(a, b, 4, mask));
+  EXPECT_GT(ssim(a, b), 2 * ssim(a, b, 1, mask));
+  const std::vector<uint8_t> none(mask.size());
+  EXPECT_TRUE(std::isnan(mse(a, b, none)));
+  EXPECT_TRUE(std::isnan(ssim(a, b, 1, none)));
+  EXPECT_THROW(mse(a, b, {1, 2}), Error);
 }
 
 TEST(Metrics, SsimOfEqualAndOfFlatImages) {

@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 
+#include "io/image/metrics.h"
 #include "io/image/video.h"
 #include "libl4dcodec/base/threads.h"
 
@@ -50,10 +51,9 @@ ImageLoader::ImageLoader(const Capture& capture, double scale, double near) : ca
     if (!camera.source.mask.empty()) {
       io::Image image = read_mask(camera, capture.holder);
       if (undistortion) image = undistortion->apply(image);
-      mask.resize(size_t{full.width} * full.height, 255);
-      for (size_t i = 0; i < mask.size(); ++i) {
-        if (image.rgb[3 * i] + image.rgb[3 * i + 1] + image.rgb[3 * i + 2] < 1.5f) mask[i] = 0;
-      }
+      std::vector<uint8_t> own = io::mask_of(image);
+      for (size_t i = 0; i < mask.size(); ++i) own[i] = std::min(own[i], mask[i]);
+      mask = std::move(own);
     }
     if (!mask.empty()) {
       io::Image image(full.width, full.height);
