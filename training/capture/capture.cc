@@ -221,6 +221,8 @@ Capture read_layout(const std::string& path, const CaptureOptions& options) {
   if (is("dataset.json")) return read_hypernerf_capture(folder, options);
   if (is_folder && is_there(place / "sparse" / "0")) return read_colmap_capture(path, options);
   if (is("transforms.json")) return read_dnerf_capture(folder, options);
+  // Another name for cameras.json, as `l4dtrain sync -o` writes them.
+  if (!is_folder && place.extension() == ".json") return read_cameras_capture(path, options);
   throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
               path +
                   ": no layout of captures that is known: none of cameras.json, "
@@ -252,12 +254,14 @@ Capture read_capture(const std::string& path, const CaptureOptions& options) {
   check(capture);
   check_place(&capture);
   // Sorting takes a copy of the views.
+  uint64_t bytes = 2 * capture.views.capacity() * sizeof(CaptureView) +
+                   capture.points.capacity() * sizeof(Point) +
+                   capture.cameras.capacity() * sizeof(CaptureCamera);
+  for (const CaptureCamera& camera : capture.cameras) {
+    bytes += camera.times.capacity() * sizeof(double);
+  }
   capture.memory.reset();
-  capture.memory = io::hold(options.holder,
-                            2 * capture.views.capacity() * sizeof(CaptureView) +
-                                capture.points.capacity() * sizeof(Point) +
-                                capture.cameras.capacity() * sizeof(CaptureCamera),
-                            path + ": the capture");
+  capture.memory = io::hold(options.holder, bytes, path + ": the capture");
   capture.holder = options.holder;
   return capture;
 }

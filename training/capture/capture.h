@@ -17,9 +17,10 @@ struct CaptureCamera {
   std::string name;     // for people
   std::string split;    // "train" or "test"
   uint32_t frames = 0;  // of its video or its numbered images
+  double fps = 0;       // of its video; 0 = unknown
   // [frames] s after the first frame of its video; empty for images, and where the file says none.
   std::vector<double> times;
-  // Those count: they are not the times of a steady rate.
+  // Those count: they are not the times of a steady rate, or not of that of the sequence.
   bool is_uneven = false;
   bool is_video() const { return !source.video.empty(); }
 };

@@ -38,6 +38,15 @@ void check_time(const fs::path& root, const std::vector<std::string>& names,
 
 }  // namespace
 
+void add_colmap_points(const std::string& model, const CaptureOptions& options, Capture* capture) {
+  for (const io::ColmapPoint& p : io::read_colmap_points(model, options.holder)) {
+    Point point{};
+    std::copy_n(p.position, 3, point.position);
+    std::copy_n(p.rgb, 3, point.rgb);
+    capture->points.push_back(point);
+  }
+}
+
 Capture read_colmap_capture(const std::string& folder, const CaptureOptions& options) {
   const fs::path root(folder);
   const std::string model = (root / "sparse" / "0").string();
@@ -63,12 +72,7 @@ Capture read_colmap_capture(const std::string& folder, const CaptureOptions& opt
   if (fs::exists(root / "sparse" / "1", error)) {
     capture.notes.push_back("There are other models beside sparse/0, which are not read.");
   }
-  for (const io::ColmapPoint& p : io::read_colmap_points(model, options.holder)) {
-    Point point{};
-    std::copy_n(p.position, 3, point.position);
-    std::copy_n(p.rgb, 3, point.rgb);
-    capture.points.push_back(point);
-  }
+  add_colmap_points(model, options, &capture);
   return capture;
 }
 

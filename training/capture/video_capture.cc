@@ -70,9 +70,17 @@ void decode_all(const std::string& path, const io::Camera& camera, uint32_t fram
   }
 }
 
-// Finds the frames of a camera, its frame rate, and what ends it; checks what needs no decoding.
+// How far a frame may be from where a steady rate has it, in frames.
+constexpr double kSteady = 0.25;
+// Of two rates that are taken for one: 29.97 stands beside 30 for the same frames.
+constexpr double kSameRate = 0.01;
+
+bool is_same_rate(double a, double b) { return std::abs(a - b) <= kSameRate * b; }
+
+// Finds the frames of a camera, their rate and times, and what ends it; checks what needs no
+// decoding.
 void call_on(const std::string& path, const io::CameraSet& set, bool tolerant, CaptureCamera* out,
-             double* fps, std::string* end) {
+             std::string* end) {
   const io::Camera& camera = out->source;
   const uint32_t most = set.frames != 0 ? set.frames : UINT32_MAX;
   if (tolerant && !camera.mask.empty()) {
@@ -99,30 +107,37 @@ void call_on(const std::string& path, const io::CameraSet& set, bool tolerant, C
              std::to_string(facts.height) + " pixels, and the camera has " +
              std::to_string(camera.camera.width) + " x " + std::to_string(camera.camera.height));
   }
-  if (set.fps > 0 && facts.fps > 0 && std::abs(facts.fps - set.fps) > 0.01 * set.fps) {
-    fail(L4D_ERR_CORRUPT, path, camera,
-         camera.video + " has " + std::to_string(facts.fps) + " frames a second, and the capture " +
-             std::to_string(set.fps) + ": they are not synchronised");
-  }
   if (tolerant && facts.frames == 0) {
     fail(L4D_ERR_IO, path, camera, camera.video + " has no frames");
   }
   if (tolerant) decode_all(path, camera, facts.frames);
-  *fps = facts.fps;
   *end = camera.video + " has " + std::to_string(facts.frames) + " frames";
   out->frames = facts.frames;
+  out->fps = facts.fps;
   out->times = std::move(facts.times);
 }
 
-// How far a frame may be from where a steady rate has it, in frames.
-constexpr double kSteady = 0.25;
+// Frames of a video at another rate have its times, unless no video has that of the capture: then
+// one of the two is wrong.
+void check_rate(const std::string& path, double fps, const std::vector<CaptureCamera>& cameras) {
+  const auto contradicts = [fps](const CaptureCamera& camera) {
+    return camera.fps > 0 && !is_same_rate(camera.fps, fps);
+  };
+  if (!(fps > 0) || !std::all_of(cameras.begin(), cameras.end(), contradicts)) return;
+  const CaptureCamera& camera = cameras.front();
+  fail(L4D_ERR_CORRUPT, path, camera.source,
+       camera.source.video + " has " + io::text_of_number(camera.fps) +
+           " frames a second, and the capture " + io::text_of_number(fps) +
+           ": they are not synchronised");
+}
 
 // The frames of the sequence that a camera reaches, at `rate` frames a second by its own clock.
 // Notes where its times count.
 uint32_t frames_reached(double rate, CaptureCamera* camera, std::vector<std::string>* notes) {
   const std::vector<double>& times = camera->times;
+  const double own = is_same_rate(camera->fps, rate) ? camera->fps : rate;
   size_t frame = 0;
-  camera->is_uneven = !io::is_steady(times, rate, kSteady, &frame);
+  camera->is_uneven = !io::is_steady(times, own, kSteady, &frame);
   if (!camera->is_uneven) return camera->frames;
   notes->push_back("Frames of " + camera->name + " come at uneven times, which count: frame " +
                    std::to_string(frame) + " at " + io::text_of_number(times[frame]) +
@@ -175,7 +190,6 @@ Capture make_video_capture(const std::string& path, io::CameraSet set,
   io::find_first_images(&set);
   Capture capture;
   capture.notes = set.notes;
-  double video_fps = 0;
   LeftOut left_out;
   std::vector<std::string> ends;  // by camera
   for (const io::Camera& source : set.cameras) {
@@ -185,7 +199,7 @@ Capture make_video_capture(const std::string& path, io::CameraSet set,
     camera.split = source.split;
     std::string end;
     try {
-      call_on(path, set, options.tolerant, &camera, &video_fps, &end);
+      call_on(path, set, options.tolerant, &camera, &end);
     } catch (const Error& error) {
       if (!options.tolerant) throw;
       left_out.add(error.what());
@@ -196,7 +210,11 @@ Capture make_video_capture(const std::string& path, io::CameraSet set,
   }
   left_out.append_to(&capture.notes);
   if (capture.cameras.empty()) throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": no camera is left");
-  double rate = set.fps > 0 ? set.fps : video_fps;
+  check_rate(path, set.fps, capture.cameras);
+  double rate = set.fps;
+  for (const CaptureCamera& camera : capture.cameras) {
+    if (!(rate > 0)) rate = camera.fps;
+  }
   if (!(rate > 0)) {
     rate = options.fps > 0 ? options.fps : 30;
     if (!(options.fps > 0)) {
@@ -261,6 +279,8 @@ Capture read_cameras_capture(const std::string& file, const CaptureOptions& opti
   }
   Capture capture = make_video_capture(file, set, options);
   capture.layout = "cameras";
+  const fs::path model = fs::path(file).parent_path() / "sparse" / "0";
+  add_colmap_points(model.string(), options, &capture);
   return capture;
 }
 

@@ -17,4 +17,7 @@ Capture make_video_capture(const std::string& path, io::CameraSet set,
 // that its files have; %04d.png if it has none.
 std::string numbered_images_in(const std::filesystem::path& folder);
 
+// The points of a model of COLMAP, if the folder is one; none else.
+void add_colmap_points(const std::string& model, const CaptureOptions& options, Capture* capture);
+
 }  // namespace l4d::train
