@@ -17,6 +17,7 @@
 #include "io/image/ffmpeg_process.h"
 #include "io/image/nal_scan.h"
 #include "io/image/packet_list.h"
+#include "io/image/video_input.h"
 
 namespace l4d::io {
 namespace fs = std::filesystem;
@@ -61,17 +62,6 @@ void check(const FileError& error, const std::string& path) {
 [[noreturn]] void fail_for_size(const std::string& path, uint32_t width, uint32_t height) {
   throw Error(L4D_ERR_CORRUPT, path + ": the frames are not of the camera's size, " +
                                    std::to_string(width) + " x " + std::to_string(height));
-}
-
-// How ffmpeg opens a video for reading. It decodes no frame that is larger than width x height by
-// more than coders pad; 0 = of any size.
-std::vector<std::string> input_of(const std::string& path, uint32_t width, uint32_t height) {
-  constexpr uint64_t kPadding = 128;
-  const uint64_t side = L4D_MAX_IMAGE_SIDE;
-  const uint64_t pixels =
-      ((width > 0 ? width : side) + kPadding) * ((height > 0 ? height : side) + kPadding);
-  return {"-protocol_whitelist",  "file", "-format_whitelist", kContainers, "-max_pixels",
-          std::to_string(pixels), "-i",   url_of(path)};
 }
 
 // How ffmpeg decodes a part of a video.
@@ -126,6 +116,15 @@ bool is_whole_mp4(const std::string& path) {
 }
 
 }  // namespace
+
+std::vector<std::string> input_of(const std::string& path, uint32_t width, uint32_t height) {
+  constexpr uint64_t kPadding = 128;
+  const uint64_t side = L4D_MAX_IMAGE_SIDE;
+  const uint64_t pixels =
+      ((width > 0 ? width : side) + kPadding) * ((height > 0 ? height : side) + kPadding);
+  return {"-protocol_whitelist",  "file", "-format_whitelist", kContainers, "-max_pixels",
+          std::to_string(pixels), "-i",   url_of(path)};
+}
 
 VideoFacts probe_video(const std::string& path, uint32_t width, uint32_t height) {
   check_file(path);

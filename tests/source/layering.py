@@ -144,7 +144,7 @@ ORDER = {
     "io": ["scene", "file", "ply", "formats", "sequence", "image", "camera", "synth"],
     "render": ["view", "frame", "cpu", "cuda", "", "importance", "api"],
     "render/cuda": ["kernel", "store", "frame", "backward", "importance", "scene", "player"],
-    "training": ["capture", "model", "density", "step", "images", "init", "cuda", "run", "cli", "tests", "bench"],
+    "training": ["capture", "model", "density", "step", "images", "sync", "footage", "init", "cuda", "run", "cli", "tests", "bench"],
     "training/run": ["setup", "train", "record", "report", ""],
 }
 

@@ -37,7 +37,13 @@ void add_common(CLI::App* verb, Arguments& a) {
   verb->add_flag("-q,--quiet", a.quiet, "No progress and no notes");
 }
 
-void add_lpips(CLI::App* verb, Arguments& a) {
+void add_scores(CLI::App* verb, Arguments& a) {
+  verb->add_option(
+          "--score", a.run.scored_instants,
+          "Instants of each split, at most, that the last scores take, spread evenly; or all")
+      ->type_name("N")
+      ->transform(number_or_all)
+      ->capture_default_str();
   verb->add_option(
           "--lpips", a.run.lpips,
           "Also report LPIPS, with the weights in this .safetensors file: AlexNet or VGG16")
@@ -153,7 +159,7 @@ void add_train(CLI::App& app, Arguments& a) {
       ->capture_default_str();
   verb->add_option("--encode", a.run.preset,
                    "Also encode, with this preset of the encoder: " + preset_names());
-  add_lpips(verb, a);
+  add_scores(verb, a);
   verb->add_option("--checkpoint-every", a.run.checkpoint_seconds, "Seconds between checkpoints")
       ->check(above_zero)
       ->capture_default_str();
@@ -172,11 +178,40 @@ void add_train(CLI::App& app, Arguments& a) {
       "SIGINT, SIGTERM and SIGHUP end a training after a checkpoint, SIGUSR1 writes one.");
 }
 
+void add_max_offset(CLI::App* verb, Arguments& a) {
+  verb->add_option("--max-offset", a.footage.max_offset,
+                   "Seconds that the clocks of two videos are apart, at most")
+      ->check(above_zero)
+      ->capture_default_str();
+}
+
+void add_sync(CLI::App& app, Arguments& a) {
+  CLI::App* verb = app.add_subcommand(
+      "sync",
+      "Compare the clocks of cameras that recorded by themselves: by sound, else by motion");
+  CaptureOptions& reading = a.run.settings.reading;
+  verb->add_option("capture", a.run.settings.capture,
+                   "Folder of the capture, or the file that describes it")
+      ->required();
+  verb->add_option("-o,--output", a.cameras_out,
+                   "A new cameras.json in the folder of the capture, with the offsets of clocks "
+                   "that are off")
+      ->type_name("FILE");
+  add_max_offset(verb, a);
+  verb->add_flag("--tolerant", reading.tolerant, "Leave out cameras that are missing or damaged");
+  verb->add_flag("--any-path", reading.any_path,
+                 "Read what lies outside the folder of the capture");
+  add_common(verb, a);
+}
+
 void add_capture(CLI::App& app, Arguments& a) {
   CLI::App* verb =
-      app.add_subcommand("capture", "Render a scene as a capture, whose truth is then known");
-  verb->add_option("scene", a.scene,
-                   "File of a scene, of any format that `l4dcodec convert` reads but a stream")
+      app.add_subcommand("capture",
+                         "Make a capture: of videos, whose cameras are found by COLMAP, or of a "
+                         "scene, which is rendered, so that its truth is known");
+  verb->add_option("input", a.scene,
+                   "Folder of videos, one for each camera; or file of a scene, of any format that "
+                   "`l4dcodec convert` reads but a stream")
       ->required();
   verb->add_option("-o,--output", a.folder, "Folder for the capture")
       ->type_name("FOLDER")
@@ -193,6 +228,14 @@ void add_capture(CLI::App& app, Arguments& a) {
   verb->add_option("--first", a.capture.first_frame, "First frame")->capture_default_str();
   verb->add_option("--frames", a.capture.frames, "Number of frames (all)")->check(above_zero);
   verb->add_option("--format", a.capture.format, "png, mp4")->capture_default_str();
+  verb->add_option(
+          "--lens", a.footage.lens,
+          "Of videos: model of COLMAP for the lens of each camera: SIMPLE_PINHOLE, PINHOLE, "
+          "SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE, FULL_OPENCV")
+      ->capture_default_str();
+  add_max_offset(verb, a);
+  verb->add_flag("--tolerant", a.footage.tolerant,
+                 "Of videos: leave out cameras that find no place");
   add_common(verb, a);
 }
 
@@ -221,7 +264,7 @@ Command::Command() : app("Trains scenes of 4D Gaussians from captures, for l4dco
   eval->add_option("--capture", evaluation.moved,
                    "Where the capture is now (where it was when the run began)")
       ->type_name("FOLDER");
-  add_lpips(eval, evaluation);
+  add_scores(eval, evaluation);
   add_common(eval, evaluation);
   CLI::App* look = app.add_subcommand("inspect", "Say what a capture is");
   add_reading(look, inspection);
@@ -231,6 +274,7 @@ Command::Command() : app("Trains scenes of 4D Gaussians from captures, for l4dco
   look->add_option("--sheet", inspection.sheet, "PNG to write: the first image of each camera")
       ->type_name("FILE");
   add_common(look, inspection);
+  add_sync(app, synchronisation);
   add_capture(app, capture);
   // As the help of l4dcodec calls numbers.
   for (CLI::App* verb : app.get_subcommands(nullptr)) {

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "training/footage/footage.h"
 #include "training/run/report/render_capture.h"
 #include "training/run/run.h"
 
@@ -33,11 +34,13 @@ struct Arguments {
   std::string cache_limit = "64G";
   std::string near = "auto", opacity_weight = "auto";
   std::string sheet;
-  std::string folder;  // of a run that is evaluated, or for a capture that is rendered
-  std::string moved;   // the capture of a run that is evaluated, where it is elsewhere now
-  std::string scene;   // that a capture is rendered of
+  std::string cameras_out;  // of the cameras with their clocks; "" = none
+  std::string folder;       // of a run that is evaluated, or for a capture that is rendered
+  std::string moved;        // the capture of a run that is evaluated, where it is elsewhere now
+  std::string scene;        // that a capture is rendered of
   std::string size = "320x240", cameras = "16";
   RenderCaptureOptions capture;
+  FootageOptions footage;
   bool json = false, quiet = false;
 };
 
@@ -48,7 +51,7 @@ struct Command {
   Command& operator=(const Command&) = delete;
 
   CLI::App app;
-  Arguments training, evaluation, inspection, capture;
+  Arguments training, evaluation, inspection, synchronisation, capture;
 };
 
 }  // namespace l4d::train

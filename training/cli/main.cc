@@ -19,6 +19,7 @@
 #include "training/cli/pace.h"
 #include "training/run/report/inspect.h"
 #include "training/run/report/report.h"
+#include "training/sync/sync.h"
 
 namespace l4d::train {
 namespace {
@@ -97,6 +98,10 @@ class Terminal final : public RunObserver {
     clear();
     if (!quiet_) std::fprintf(stderr, "note: %s\n", text.c_str());
   }
+  void clear() {
+    if (shown_) std::fputs("\r\033[K", stderr);
+    shown_ = false;
+  }
   bool cancelled() override { return stop_signal != 0; }
   bool wants_checkpoint() override {
     const bool wanted = checkpoint_signal != 0;
@@ -118,10 +123,6 @@ class Terminal final : public RunObserver {
     std::snprintf(text, sizeof(text), "  ETA %u:%02u:%02u", seconds / 3600, seconds / 60 % 60,
                   seconds % 60);
     return text;
-  }
-  void clear() {
-    if (shown_) std::fputs("\r\033[K", stderr);
-    shown_ = false;
   }
 
   bool quiet_, draws_, shown_ = false;
@@ -173,7 +174,22 @@ std::string describe(const RunReport& r) {
   return out;
 }
 
+int run_footage(Arguments& a, Terminal& terminal) {
+  a.footage.threads = a.run.threads;
+  const FootageReport report = make_capture(
+      a.scene, a.folder, a.footage, [&](const std::string& step) { terminal.update(0, 0, step); },
+      [&] { return terminal.cancelled(); });
+  for (const std::string& note : report.notes) terminal.note(note);
+  terminal.clear();
+  if (!a.quiet) {
+    std::printf("%s: %zu cameras\n%s", a.folder.c_str(), report.cameras,
+                report.clocks.text().c_str());
+  }
+  return kExitOk;
+}
+
 int run_capture(Arguments& a, Terminal& terminal) {
+  if (is_footage(a.scene)) return run_footage(a, terminal);
   char rest = 0;
   RenderCaptureOptions& capture = a.capture;
   const bool is_number = a.cameras.find_first_not_of("0123456789") == std::string::npos;
@@ -194,6 +210,20 @@ int run_capture(Arguments& a, Terminal& terminal) {
   const uint32_t cameras = render_capture(a.folder, scene, capture, &notes);
   for (const std::string& note : notes) terminal.note(note);
   if (!a.quiet) std::printf("%s: %u cameras\n", a.folder.c_str(), cameras);
+  return kExitOk;
+}
+
+int run_sync(const Arguments& a, Terminal& terminal) {
+  if (!a.cameras_out.empty() && io::identify(a.cameras_out)) {
+    throw io::Error(L4D_ERR_INVALID_ARGUMENT, a.cameras_out + " exists; nothing is replaced");
+  }
+  const Capture capture = read_capture(a.run.settings.capture, a.run.settings.reading);
+  for (const std::string& note : capture.notes) terminal.note(note);
+  terminal.update(0, 0, "listening and watching");
+  const ClockReport clocks = find_clocks(capture, a.footage.max_offset, a.run.threads);
+  if (!a.cameras_out.empty()) write_synchronised(a.cameras_out, capture, clocks);
+  terminal.clear();
+  std::printf("%s%s", (a.json ? clocks.json() : clocks.text()).c_str(), a.json ? "\n" : "");
   return kExitOk;
 }
 
@@ -222,6 +252,7 @@ int run_verb(const CLI::App& app, Arguments& a) {
     std::printf("%s%s", (a.json ? result.json : result.text).c_str(), a.json ? "\n" : "");
     return kExitOk;
   }
+  if (app.got_subcommand("sync")) return run_sync(a, terminal);
   if (app.got_subcommand("capture")) return run_capture(a, terminal);
   RunReport report;
   if (app.got_subcommand("train")) {
@@ -245,7 +276,7 @@ int run_verb(const CLI::App& app, Arguments& a) {
     }
     report = train(a.run, &terminal);
   } else {
-    report = evaluate_run(a.folder, a.moved, a.run.lpips, a.run.threads, &terminal);
+    report = evaluate_run(a.folder, a.moved, a.run, &terminal);
   }
   std::printf("%s%s", (a.json ? json_of(report) : describe(report)).c_str(), a.json ? "\n" : "");
   return kExitOk;
@@ -266,10 +297,12 @@ int run_parsed(Command& command) {
   // Writes that fail are reported as such.
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
-  // The other verbs do not ask whether they are to stop: signals end them as they end any program.
-  if (app.got_subcommand("train") || app.got_subcommand("eval")) install_handlers();
+  // What does not ask whether it is to stop ends as any program by signals.
+  const bool is_film = app.got_subcommand("capture") && is_footage(command.capture.scene);
+  if (app.got_subcommand("train") || app.got_subcommand("eval") || is_film) install_handlers();
   Arguments& chosen = app.got_subcommand("train")     ? command.training
                       : app.got_subcommand("eval")    ? command.evaluation
+                      : app.got_subcommand("sync")    ? command.synchronisation
                       : app.got_subcommand("capture") ? command.capture
                                                       : command.inspection;
   try {

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "io/file/file.h"
+#include "training/cli/command.h"
 
 namespace l4d::train {
 namespace {
@@ -64,6 +65,13 @@ std::string above_zero(const std::string& text) {
 std::string whole_number(const std::string& text) {
   uint64_t value = 0;
   return parse_whole(text, &value) ? "" : what_it_is(text) + "a whole number from 0 to 2^64 - 1";
+}
+
+std::string number_or_all(const std::string& text) {
+  uint64_t value = 0;
+  if (text == "all") return "0";
+  if (parse_whole(text, &value) && value > 0 && value <= UINT32_MAX) return text;
+  throw CLI::ValidationError(what_it_is(text) + "all, or a whole number from 1 on");
 }
 
 std::string number_of_threads(const std::string& text) {

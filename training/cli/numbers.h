@@ -19,7 +19,10 @@ std::string above_zero(const std::string& text);
 
 // Likewise: "" for a whole number from 0 to 2^64 - 1.
 std::string whole_number(const std::string& text);
-// Likewise: "" for 0 to 1024.
+// For CLI::Option::transform: 0 for "all", which has no limit. Throws CLI::ValidationError unless
+// it is that, or a whole number from 1 to 2^32 - 1.
+std::string number_or_all(const std::string& text);
+// For CLI::Option::check: "" for 0 to 1024.
 std::string number_of_threads(const std::string& text);
 
 }  // namespace l4d::train

@@ -27,8 +27,9 @@ class EncodeObserver : public eval::Observer {
 
 Score score(const RunParts& parts, const char* split, const RenderView& render) {
   return score_views(parts.capture, *parts.loader,
-                     views_to_score(parts.capture, split, kScoredInstants), parts.lpips.get(),
-                     parts.options.threads, render, [&] { return parts.observer->cancelled(); });
+                     views_to_score(parts.capture, split, parts.options.scored_instants),
+                     parts.lpips.get(), parts.options.threads, render,
+                     [&] { return parts.observer->cancelled(); });
 }
 
 void encode(const io::Scene& scene, RunParts* parts, RunReport* report) {

@@ -258,6 +258,23 @@ TEST(Captures, ImagesOfTheirOwnSizeAreRounded) {
   EXPECT_TRUE(resized(image, {}, 37, 29).alpha.empty());
 }
 
+// What a mask leaves out neither adds to the error nor dilutes it.
+TEST(Scores, MasksScoreByTheirOwnPixels) {
+  Pixels captured{40, 30, std::vector<uint8_t>(size_t{3} * 40 * 30, 128), {}};
+  io::Image rendered(40, 30);
+  std::vector<uint8_t> mask(size_t{40} * 30);
+  for (size_t i = 0; i < mask.size(); ++i) {
+    mask[i] = i % 40 < 10 ? 1 : 0;
+    for (size_t c = 0; c < 3; ++c) {
+      rendered.rgb[3 * i + c] = mask[i] != 0 ? 128.0F / 255 + 0.1F : 1.0F;
+    }
+  }
+  Scorer scorer;
+  scorer.add(captured, mask, rendered, 1);
+  EXPECT_NEAR(scorer.score().plain.mean_psnr, 20, 1e-4);
+  EXPECT_GT(scorer.score().psnr_affine, 60);  // one colour becomes another one
+}
+
 // A render whose colours are an affine map of the captured ones is as good as these.
 TEST(Scores, FitColours) {
   constexpr uint32_t kWidth = 300, kHeight = 170;  // several pieces of sums
@@ -429,6 +446,26 @@ TEST_F(VideoCaptures, TimesOfPacketsCount) {
       EXPECT_EQ(pixels.rgb, wanted);
     });
   }
+}
+
+// A capture may name a rate that is a little off: as 30 for 29.97, a frame in half a minute.
+TEST_F(VideoCaptures, FramesOfASteadyVideoCountAtAboutItsRate) {
+  const std::string looped = path_ + "/looped.mp4";
+  const std::string loop =
+      "ffmpeg -v error -stream_loop 4 -i '" + path_ + "/cam00.mp4' -c copy '" + looped + "'";
+  ASSERT_EQ(std::system(loop.c_str()), 0);
+  json document = json::parse(test::bytes_of(path_ + "/cameras.json"));
+  json camera = document["cameras"][0];
+  camera["video"] = "looped.mp4";
+  camera["split"] = "train";
+  document["cameras"] = json::array({camera});
+  document["frames"] = 60;
+  document["fps"] = 9.91;
+  std::ofstream(path_ + "/cameras.json") << document;
+  const Capture capture = read_capture(path_, {});
+  ASSERT_EQ(capture.views.size(), 60U);
+  EXPECT_FALSE(capture.cameras[0].is_uneven);
+  EXPECT_NEAR(capture.views.back().time, 59 / 9.91, 1e-9);
 }
 
 TEST_F(VideoCaptures, WrongVideosAreNamed) {

@@ -164,7 +164,7 @@ std::string note_of_stream(double scene_psnr, double stream_psnr, bool settles) 
 }
 
 RunReport evaluate_run(const std::string& folder, const std::string& moved,
-                       const std::string& weights, uint32_t threads, RunObserver* observer) {
+                       const RunOptions& options, RunObserver* observer) {
   const auto file = [&](const char* name) { return (fs::path(folder) / name).string(); };
   Settings settings = settings_of_run(folder);
   std::error_code error;
@@ -180,13 +180,13 @@ RunReport evaluate_run(const std::string& folder, const std::string& moved,
     observer->note(capture.notes.back());
   }
   const ImageLoader loader(capture, settings.scale, settings.near);
-  const std::unique_ptr<eval::Lpips> lpips = read_lpips(weights);
+  const std::unique_ptr<eval::Lpips> lpips = read_lpips(options.lpips);
   check_sizes(lpips.get(), capture, loader);
   const io::Scene scene = io::read_scene_ply(file("scene.ply"));
-  const l4d_renderer_options rendering = rendering_of(settings, threads);
+  const l4d_renderer_options rendering = rendering_of(settings, options.threads);
   const std::unique_ptr<Backend> backend = rendering.backend == L4D_BACKEND_CUDA
                                                ? make_cuda_group({rendering.device})
-                                               : make_cpu_backend(threads);
+                                               : make_cpu_backend(options.threads);
   backend->load(model_of(scene), capture.timeline());
   RunReport report = describe_capture(capture, loader);
   report.settings = settings;
@@ -195,8 +195,8 @@ RunReport evaluate_run(const std::string& folder, const std::string& moved,
   if (lpips) report.lpips = lpips->network();
   constexpr float kBlack[3] = {0, 0, 0};
   const auto score = [&](const char* split, const RenderView& render) {
-    return score_views(capture, loader, views_to_score(capture, split, kScoredInstants),
-                       lpips.get(), threads, render, [&] { return observer->cancelled(); });
+    return score_views(capture, loader, views_to_score(capture, split, options.scored_instants),
+                       lpips.get(), options.threads, render, [&] { return observer->cancelled(); });
   };
   const auto render = [&](uint32_t view) {
     const CaptureView& v = capture.views[view];

@@ -8,15 +8,17 @@
 #include "l4d/render.hpp"
 #include "training/images/loader.h"
 #include "training/run/report/run_report.h"
+#include "training/run/setup/run_options.h"
 
 namespace l4d::train {
 
 std::string json_of(const RunReport& report);
 
 // Scores the scene of a run, and its stream if there is one, against its capture. moved: where the
-// capture is now, or "" where it is as the run has it. lpips: as in RunOptions.
+// capture is now, or "" where it is as the run has it. Of the options, lpips, scored_instants and
+// threads count.
 RunReport evaluate_run(const std::string& folder, const std::string& moved,
-                       const std::string& lpips, uint32_t threads, RunObserver* observer);
+                       const RunOptions& options, RunObserver* observer);
 
 // The part of a report that follows from the capture alone.
 RunReport describe_capture(const Capture& capture, const ImageLoader& loader);

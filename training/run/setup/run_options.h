@@ -12,9 +12,10 @@ namespace l4d::train {
 struct RunOptions {
   Settings settings;
   std::string folder;
-  std::string preset;  // of the encoder; "" = no stream
-  std::string lpips;   // file of weights, to report LPIPS; "" = it is not reported
-  std::string cache;   // folder of FrameCache; "" = none
+  std::string preset;             // of the encoder; "" = no stream
+  std::string lpips;              // file of weights, to report LPIPS; "" = it is not reported
+  uint32_t scored_instants = 15;  // at the end, at most, of each split; 0 = all
+  std::string cache;              // folder of FrameCache; "" = none
   uint64_t cache_bytes = uint64_t{64} << 30;  // at most
   bool resume = false;
   bool accept_changes = false;    // resumes also where the capture is not as it was

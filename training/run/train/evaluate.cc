@@ -63,23 +63,31 @@ struct Equations {
 };
 
 // Mean squared error of the captured image against the affine map of the render that is nearest to
-// it. Sums are of pieces of one length, so that they do not depend on the number of threads.
-double affine_mse(const io::Image& render, const io::Image& captured, int threads) {
+// it, over the pixels of a mask. Sums are of pieces of one length, so that they do not depend on
+// the number of threads.
+double affine_mse(const io::Image& render, const io::Image& captured,
+                  const std::vector<uint8_t>& mask, int threads) {
   const size_t n = render.rgb.size() / 3;
+  const auto counts = [&](size_t i) { return mask.empty() || mask[i] != 0; };
+  const auto counted = static_cast<double>(
+      mask.empty() ? n : n - static_cast<size_t>(std::count(mask.begin(), mask.end(), 0)));
   std::vector<Equations> parts((n + kPixelGrain - 1) / kPixelGrain);
   parallel_for(threads, n, kPixelGrain, [&](size_t begin, size_t end) {
     Equations& part = parts[begin / kPixelGrain];
-    for (size_t i = begin; i < end; ++i) part.add(row_of(render, i), &captured.rgb[3 * i]);
+    for (size_t i = begin; i < end; ++i) {
+      if (counts(i)) part.add(row_of(render, i), &captured.rgb[3 * i]);
+    }
   });
   Equations all;
   for (const Equations& part : parts) all.add(part);
-  for (size_t a = 0; a < 4; ++a) all.normal[a][a] += 1e-6 * static_cast<double>(n);
+  for (size_t a = 0; a < 4; ++a) all.normal[a][a] += 1e-6 * counted;
   const std::array<std::array<double, 4>, 3> map = all.solve();
 
   std::vector<double> sums(parts.size());
   parallel_for(threads, n, kPixelGrain, [&](size_t begin, size_t end) {
     double sum = 0;
     for (size_t i = begin; i < end; ++i) {
+      if (!counts(i)) continue;
       const std::array<double, 4> row = row_of(render, i);
       for (size_t c = 0; c < 3; ++c) {
         double x = 0;
@@ -90,15 +98,7 @@ double affine_mse(const io::Image& render, const io::Image& captured, int thread
     }
     sums[begin / kPixelGrain] = sum;
   });
-  return std::accumulate(sums.begin(), sums.end(), 0.0) / static_cast<double>(3 * n);
-}
-
-// Leaves the pixels of both images black that do not count.
-void apply_mask(const std::vector<uint8_t>& mask, io::Image* a, io::Image* b) {
-  for (size_t i = 0; i < mask.size(); ++i) {
-    if (mask[i] != 0) continue;
-    for (size_t c = 0; c < 3; ++c) a->rgb[3 * i + c] = b->rgb[3 * i + c] = 0;
-  }
+  return std::accumulate(sums.begin(), sums.end(), 0.0) / (3 * counted);
 }
 
 }  // namespace
@@ -140,12 +140,12 @@ std::vector<uint32_t> views_to_watch(const Capture& capture, const char* split, 
 void Scorer::add(const Pixels& pixels, const std::vector<uint8_t>& mask, io::Image rendered,
                  uint32_t threads) {
   constexpr float kBlack[3] = {0, 0, 0};
-  io::Image captured = image_of(pixels, kBlack);
-  apply_mask(mask, &captured, &rendered);
+  const io::Image captured = io::masked(image_of(pixels, kBlack), mask);
+  rendered = io::masked(std::move(rendered), mask);
   const bool has_ssim = std::min(captured.width, captured.height) >= kMinSsimSize;
-  sum_.add(io::mse(captured, rendered),
-           has_ssim ? io::ssim(captured, rendered, threads) : std::nan(""));
-  affine_ += io::psnr_of_mse(affine_mse(rendered, captured, static_cast<int>(threads)));
+  sum_.add(io::mse(captured, rendered, mask),
+           has_ssim ? io::ssim(captured, rendered, threads, mask) : std::nan(""));
+  affine_ += io::psnr_of_mse(affine_mse(rendered, captured, mask, static_cast<int>(threads)));
   if (lpips_ != nullptr) distance_ += lpips_->distance(captured, rendered, threads);
 }
 

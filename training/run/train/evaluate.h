@@ -13,8 +13,6 @@
 
 namespace l4d::train {
 
-constexpr uint32_t kScoredInstants = 15;  // at the end of a training, and of a stream of it
-
 // The views of a split, at most `frames` instants of them, spread evenly; 0 = all.
 std::vector<uint32_t> views_to_score(const Capture& capture, const char* split, uint32_t frames);
 
@@ -28,7 +26,8 @@ struct Score {
   double lpips = 0;  // mean over views; of Scorer's network, if it has one
 };
 
-// Adds views up. Images are compared on black; SSIM is NaN for images of less than 11 pixels.
+// Adds views up. Images are compared on black, by the pixels that the mask of a camera leaves;
+// LPIPS sees black elsewhere. SSIM is NaN for images of less than 11 pixels.
 class Scorer {
  public:
   // lpips: may be null; else it must outlive this.
