@@ -179,7 +179,7 @@ Renderer make_renderer(const Bench& bench, uint32_t format, bool timed) {
   capacity.width = bench.size.width;
   capacity.height = bench.size.height;
   capacity.visible = bench.scene.count();
-  capacity.instances = 6 * bench.scene.count();
+  capacity.instances = 16 * bench.scene.count();
   must(l4d_cuda_renderer_reserve(r, &capacity));
   return Renderer(r);
 }
