@@ -130,8 +130,10 @@ HWY_INLINE hn::Mask<D> active_lanes(size_t v, size_t count) {
   return hn::FirstN(D(), count < v * kWidth ? 0 : count - v * kWidth);
 }
 
-// The lanes of a page, in registers.
+// The lanes of a page, in registers. What the compiler would declare by itself has not the
+// instructions of the target.
 struct Page {
+  HWY_ATTR Page() {}  // NOLINT: all is loaded
   V x[kVectors];
   const unsigned char* next;
 };
