@@ -33,6 +33,7 @@ DEPENDENCIES = [
     ("flatc", "libflatbuffers-dev", "Apache-2.0", COMPILED, "https://github.com/google/flatbuffers"),
     ("CLI11", "libcli11-dev", "BSD-3-Clause", COMPILED, "https://github.com/CLIUtils/CLI11"),
     ("nlohmann_json", "nlohmann-json3-dev", "MIT", COMPILED, "https://github.com/nlohmann/json"),
+    ("toml++", "libtomlplusplus-dev", "MIT", COMPILED, "https://github.com/marzer/tomlplusplus"),
     ("ffmpeg", "ffmpeg", "GPL-2.0-or-later", STARTED, "https://ffmpeg.org"),
 ]
 # What the build finds and no release has: of the compiler and the system, of tests, or left out of packages.

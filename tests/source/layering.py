@@ -128,6 +128,7 @@ OUTSIDE = {
     # lines through cli/command/options.h, and JSON through cli/text/json.h.
     "CLI/": {"training/cli/command.h", "cli/main.cc", "cli/command/options.cc", "pages/manual.cc", "cli/command/help.h",
              "cli/verbs/version.cc"},
+    "toml++/": {"training/capture/calibration_toml.cc"},
     "nlohmann/": {"io", "training", "training/tests", "cli/text/json.cc", "tests", "tests/cli", "tests/common",
                   "bench/tables", "bench/accuracy"},
     "gtest/": {"training/tests", "tests", "tests/api", "tests/cli", "tests/common"},

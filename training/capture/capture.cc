@@ -200,6 +200,27 @@ bool is_there(const fs::path& path) {
   return fs::exists(path, error);
 }
 
+// The files of a folder whose names have a begin and an end; the file itself where it is one.
+std::vector<std::string> files_like(const fs::path& place, const std::string& begin,
+                                    const std::string& end) {
+  const auto is_like = [&](const fs::path& path) {
+    const std::string name = path.filename().string();
+    return name.size() >= begin.size() + end.size() && name.compare(0, begin.size(), begin) == 0 &&
+           name.compare(name.size() - end.size(), end.size(), end) == 0;
+  };
+  std::vector<std::string> files;
+  std::error_code error;
+  if (!fs::is_directory(place, error)) {
+    if (is_like(place)) files.push_back(place.string());
+    return files;
+  }
+  for (fs::directory_iterator entry(place, error); !error && entry != fs::directory_iterator();
+       entry.increment(error)) {
+    if (is_like(entry->path())) files.push_back(entry->path().string());
+  }
+  return files;
+}
+
 Capture read_layout(const std::string& path, const CaptureOptions& options) {
   const fs::path place(path);
   std::error_code error;
@@ -221,13 +242,20 @@ Capture read_layout(const std::string& path, const CaptureOptions& options) {
   if (is("dataset.json")) return read_hypernerf_capture(folder, options);
   if (is_folder && is_there(place / "sparse" / "0")) return read_colmap_capture(path, options);
   if (is("transforms.json")) return read_dnerf_capture(folder, options);
+  if (is("train_meta.json")) return read_dynamic3dgs_capture(folder, options);
+  const std::vector<std::string> panoptic = files_like(place, "calibration_", ".json");
+  if (panoptic.size() == 1) return read_panoptic_capture(panoptic[0], options);
+  std::vector<std::string> tables = files_like(place, "", ".toml");
+  if (tables.empty() && is_folder) tables = files_like(place / "calibration", "", ".toml");
+  if (tables.size() == 1) return read_toml_capture(tables[0], options);
   // Another name for cameras.json, as `l4dtrain sync -o` writes them.
   if (!is_folder && place.extension() == ".json") return read_cameras_capture(path, options);
   throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
               path +
                   ": no layout of captures that is known: none of cameras.json, "
                   "poses_bounds.npy, transforms_train.json, transforms.json, intri.yml, "
-                  "dataset.json and sparse/0 is there");
+                  "dataset.json, sparse/0, train_meta.json, one calibration_*.json and one *.toml "
+                  "is there");
 }
 
 }  // namespace

@@ -41,7 +41,7 @@ struct Point {
 };
 
 struct Capture {
-  std::string layout;  // "cameras", "n3dv", "dnerf", "hypernerf", "selfcap", "colmap"
+  std::string layout;  // "cameras", "n3dv", "dnerf", and so on, as training/README.md lists them
   std::string path;
   double fps = 0;
   uint32_t frames = 0;  // of the sequence, which begins at 0 s
@@ -95,5 +95,8 @@ Capture read_dnerf_capture(const std::string& folder, const CaptureOptions& opti
 Capture read_hypernerf_capture(const std::string& folder, const CaptureOptions& options);
 Capture read_selfcap_capture(const std::string& folder, const CaptureOptions& options);
 Capture read_colmap_capture(const std::string& folder, const CaptureOptions& options);
+Capture read_dynamic3dgs_capture(const std::string& folder, const CaptureOptions& options);
+Capture read_panoptic_capture(const std::string& file, const CaptureOptions& options);
+Capture read_toml_capture(const std::string& file, const CaptureOptions& options);
 
 }  // namespace l4d::train

@@ -7,6 +7,7 @@
 
 #include "io/camera/read_cameras.h"
 #include "io/file/file.h"
+#include "training/capture/opencv_camera.h"
 #include "training/capture/opencv_yaml.h"
 #include "training/capture/video_capture.h"
 
@@ -20,20 +21,6 @@ using io::CameraPlace;
 const std::vector<double>* find(const YamlFile& file, const std::string& key, size_t size) {
   const auto found = file.numbers.find(key);
   return found != file.numbers.end() && found->second.size() == size ? &found->second : nullptr;
-}
-
-// The rotation by |r| around r (Rodrigues), row-major.
-void rotation_of(const double* r, double* out) {
-  const double angle = std::sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]);
-  const double k[3] = {angle > 0 ? r[0] / angle : 0, angle > 0 ? r[1] / angle : 0,
-                       angle > 0 ? r[2] / angle : 0};
-  const double cross[9] = {0, -k[2], k[1], k[2], 0, -k[0], -k[1], k[0], 0};
-  for (size_t i = 0; i < 3; ++i) {
-    for (size_t j = 0; j < 3; ++j) {
-      out[3 * i + j] = (i == j ? std::cos(angle) : 0) + (1 - std::cos(angle)) * k[i] * k[j] +
-                       std::sin(angle) * cross[3 * i + j];
-    }
-  }
 }
 
 // What states a rotation twice must mean one. Matrices of programs have four digits and more.
@@ -88,10 +75,10 @@ class SelfcapReader {
     if (width == nullptr || height == nullptr) {
       place.fail("H_" + name + " and W_" + name + " are missing in intri.yml");
     }
-    set_pinhole(name, *k, &camera);
+    set_pinhole(place_of("K_" + name), k->data(), &camera);
     camera.width = whole_number("W_" + name, (*width)[0]);
     camera.height = whole_number("H_" + name, (*height)[0]);
-    set_lens(name, &out);
+    read_lens(name, &out);
     double rotation[9];
     const std::vector<double>* matrix = find(extrinsics_, "Rot_" + name, 9);
     const std::vector<double>* vector = find(extrinsics_, "R_" + name, 3);
@@ -105,10 +92,7 @@ class SelfcapReader {
     } else {
       rotation_of(vector->data(), rotation);
     }
-    for (size_t r = 0; r < 3; ++r) {
-      for (size_t c = 0; c < 3; ++c) camera.world_to_camera[4 * r + c] = rotation[3 * r + c];
-      camera.world_to_camera[4 * r + 3] = (*t)[r];
-    }
+    set_extrinsics(rotation, t->data(), &camera);
     io::check_camera(place, out);
     set_images(name, &out);
     return out;
@@ -125,41 +109,11 @@ class SelfcapReader {
     place_of(key).fail("no whole number of pixels");
   }
 
-  void set_pinhole(const std::string& name, const std::vector<double>& k,
-                   l4d_camera* camera) const {
-    const CameraPlace place = place_of("K_" + name);
-    if (k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1) place.fail("no pinhole camera");
-    if (!(std::abs(k[1]) <= 1e-6 * std::abs(k[0]))) {
-      place.fail(L4D_ERR_FEATURE_UNSUPPORTED, "a skew");
-    }
-    camera->fx = k[0];
-    camera->fy = k[4];
-    camera->cx = k[2];
-    camera->cy = k[5];
-  }
-
-  // k1, k2, p1, p2, k3 to k6 as OpenCV has them, which writes 4, 5, 8, 12 or 14 numbers.
-  void set_lens(const std::string& name, io::Camera* out) const {
+  void read_lens(const std::string& name, io::Camera* out) const {
     std::string key = "D_" + name;
     auto found = intrinsics_.numbers.find(key);
     if (found == intrinsics_.numbers.end()) found = intrinsics_.numbers.find(key = "dist_" + name);
-    if (found == intrinsics_.numbers.end()) return;
-    std::vector<double> d = found->second;
-    if (d.size() != 4 && d.size() != 5 && d.size() != 8 && d.size() != 12 && d.size() != 14) {
-      place_of(key).fail(std::to_string(d.size()) +
-                         " numbers; OpenCV has 4, 5 or 8 of a lens that is read here");
-    }
-    d.resize(14);
-    const auto is_set = [](double x) { return x != 0; };
-    if (std::any_of(d.begin() + 8, d.end(), is_set)) {
-      place_of(key).fail(L4D_ERR_FEATURE_UNSUPPORTED, "a thin prism or a tilted sensor");
-    }
-    if (std::none_of(d.begin(), d.end(), is_set)) return;
-    io::Distortion& lens = out->distortion;
-    lens.model = io::Distortion::Model::kRadial;
-    std::copy_n(d.begin(), 2, lens.k);
-    std::copy_n(d.begin() + 2, 2, lens.p);
-    std::copy_n(d.begin() + 4, 4, lens.k + 2);
+    if (found != intrinsics_.numbers.end()) set_lens(place_of(key), found->second, out);
   }
 
   void set_images(const std::string& name, io::Camera* out) {

@@ -271,6 +271,57 @@ void write_hypernerf(const Truth& truth, const std::string& folder) {
   write_text(folder + "/metadata.json", metadata.dump());
 }
 
+void write_dynamic3dgs(const Truth& truth, const std::string& folder) {
+  for (const bool is_test : {false, true}) {
+    json k = json::array(), w2c = json::array(), names = json::array(), ids = json::array();
+    for (uint32_t f = 0; f < kFrames; ++f) {
+      json ks = json::array(), poses = json::array(), files = json::array(), of = json::array();
+      for (uint32_t c = is_test ? 0 : 1; c < (is_test ? 1 : kCameras); ++c) {
+        const l4d_camera& camera = truth.cameras[c];
+        ks.push_back({{camera.fx, 0, camera.cx}, {0, camera.fy, camera.cy}, {0, 0, 1}});
+        json pose = matrix_of(camera.world_to_camera, 3, 4, 4);
+        pose.push_back({0, 0, 0, 1});
+        poses.push_back(pose);
+        char name[40];
+        std::snprintf(name, sizeof(name), "%u/%06u.png", c, f);
+        files.push_back(name);
+        of.push_back(c);
+        fs::create_directories(folder + "/ims/" + std::to_string(c));
+        fs::copy_file(truth.image(c, f), folder + "/ims/" + name);
+      }
+      k.push_back(ks);
+      w2c.push_back(poses);
+      names.push_back(files);
+      ids.push_back(of);
+    }
+    write_text(
+        folder + (is_test ? "/test_meta.json" : "/train_meta.json"),
+        json{{"w", 64}, {"h", 48}, {"k", k}, {"w2c", w2c}, {"fn", names}, {"cam_id", ids}}.dump());
+  }
+}
+
+void write_panoptic(const Truth& truth, const std::string& folder) {
+  json cameras = {{{"name", "01_01"}, {"type", "vga"}}};
+  for (uint32_t c = 0; c < kCameras; ++c) {
+    const l4d_camera& k = truth.cameras[c];
+    const double* m = k.world_to_camera;
+    const std::string name = "00_0" + std::to_string(c);
+    cameras.push_back({{"name", name},
+                       {"type", "hd"},
+                       {"resolution", {64, 48}},
+                       {"K", {{k.fx, 0, k.cx}, {0, k.fy, k.cy}, {0, 0, 1}}},
+                       {"distCoef", {0, 0, 0, 0, 0}},
+                       {"R", matrix_of(m, 3, 3, 4)},
+                       {"t", {{m[3]}, {m[7]}, {m[11]}}}});
+    fs::create_directories(folder + "/hdImgs/" + name);
+    for (uint32_t f = 0; f < kFrames; ++f) {
+      fs::copy_file(truth.image(c, f), folder + "/hdImgs/" + name + "/" + name + "_0000000" +
+                                           std::to_string(f) + ".png");
+    }
+  }
+  write_text(folder + "/calibration_tiny.json", json{{"cameras", cameras}}.dump());
+}
+
 struct Case {
   const char* layout;
   void (*write)(const Truth&, const std::string&);
@@ -282,11 +333,14 @@ const Case kCases[] = {
     {"hypernerf", write_hypernerf},
     {"colmap", [](const Truth& t, const std::string& folder) { write_colmap(t, folder, true); }},
     {"colmap", [](const Truth& t, const std::string& folder) { write_colmap(t, folder, false); }},
+    {"dynamic3dgs", write_dynamic3dgs},
+    {"panoptic", write_panoptic},
 };
 
 CaptureOptions options_of(const Layout& layout) {
   CaptureOptions options;
-  options.test = layout == "dnerf" || layout == "hypernerf" ? "" : "0";
+  const bool names_tests = layout == "dnerf" || layout == "hypernerf" || layout == "dynamic3dgs";
+  options.test = names_tests ? "" : "0";
   options.fps = 10;
   options.any_path = layout == "dnerf";  // write_dnerf() names images by absolute paths
   return options;
@@ -465,6 +519,21 @@ const Videos& made_videos() {
   return made;
 }
 
+void write_toml(const Truth& truth, const std::string& folder) {
+  std::string text = "[metadata]\nadjusted = false\n";
+  for (uint32_t c = 0; c < kCameras; ++c) {
+    const l4d_camera& k = truth.cameras[c];
+    const double* m = k.world_to_camera;
+    text += "[cam_" + std::to_string(c) + "]\nname = \"" + name_of(c) +
+            "\"\nsize = [64, 48]\nmatrix = [[" + digits(k.fx) + ", 0.0, " + digits(k.cx) +
+            "], [0.0, " + digits(k.fy) + ", " + digits(k.cy) +
+            "], [0.0, 0.0, 1.0]]\ndistortions = [0.0, 0.0, 0.0, 0.0]\nrotation = [0.0, 0.0, 0.0]\n"
+            "translation = [" +
+            digits(m[3]) + ", " + digits(m[7]) + ", " + digits(m[11]) + "]\n";
+  }
+  write_text(folder + "/calibration/Calib.toml", text);
+}
+
 // A training has the same bits whatever the layout.
 TEST(Layouts, TrainToTheSameBits) {
   if (!l4d::test::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
@@ -473,13 +542,14 @@ TEST(Layouts, TrainToTheSameBits) {
   const std::string& videos = made_videos().path;
   std::vector<Case> cases(std::begin(kCases), std::end(kCases));
   cases.push_back({"n3dv", write_n3dv});
+  cases.push_back({"toml", write_toml});
   std::string first;
   for (const Case& item : cases) {
     const std::string layout = item.layout, capture = folder / (layout + "-capture");
     fs::remove_all(capture);
     item.write(truth, capture);
     if (layout == "n3dv") copy_videos(videos, capture);
-    if (layout == "selfcap" || layout == "colmap") {
+    if (layout == "selfcap" || layout == "colmap" || layout == "toml") {
       fs::remove_all(capture + "/images");
       copy_videos(videos, capture + "/videos");
     }
@@ -796,6 +866,23 @@ TEST(Layouts, SelfcapOffsets) {
   EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("does not name: \"cam20\"")));
   write_text(folder / "s/sync.json", R"({"cam02": -0.03, "cam02": 0.2})");
   expect_error(folder / "s", L4D_ERR_CORRUPT, "sync.json: an object has a key twice");
+}
+
+TEST(Layouts, TomlIsNamedWhereItIsWrong) {
+  const test::Folder folder;
+  const std::string good =
+      "[a]\nsize = [64, 48]\nmatrix = [[60, 0, 32], [0, 60, 24], [0, 0, 1]]\ndistortions = [0.1, "
+      "0, 0, 0, "
+      "0.2]\nrotation = [0.0, 1.5, 0.0]\ntranslation = [0, 0, 3]\n";
+  const auto expect = [&](const std::string& text, l4d_status status, const std::string& word) {
+    write_text(folder / "calib.toml", text);
+    expect_error(folder / "calib.toml", status, word);
+  };
+  expect("[a\n", L4D_ERR_CORRUPT, "line 1");
+  expect("x = 1\n", L4D_ERR_CORRUPT, "it has no camera");
+  expect("[a]\nmatrix = 3\n", L4D_ERR_CORRUPT, "camera a: size is no list");
+  expect(good + "fisheye = true\n", L4D_ERR_CORRUPT, "camera a: distortions has 5 numbers, not 4");
+  expect(good, L4D_ERR_IO, "camera a: the names of 0 of 0 videos");
 }
 
 }  // namespace
