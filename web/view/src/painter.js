@@ -23,7 +23,7 @@ const link = (gl, vertex, fragment) => {
 
 /**
  * @typedef {object} PainterOptions
- * @property {number} maxRows @property {number} shDegree @property {'auto' | '10' | '16f'} target
+ * @property {number} maxRows @property {number} shDegree @property {'auto' | '10' | '16f'} [target]
  * @property {import('l4dcodec').Rendering} [rendering]
  */
 
