@@ -7,7 +7,7 @@ import {execFileSync} from 'node:child_process';
 import {readFileSync, writeFileSync} from 'node:fs';
 import {join} from 'node:path';
 import {launch, newPage, serve, work} from '../test/browser.js';
-import {madeCameras, openExample, rendered, tool} from './test/page.js';
+import {madeCameras, openExample, rendered, tool} from '../test/engine-page.js';
 
 const [pageName, ...rest] = process.argv.slice(2);
 const within = rest[0] === 'within';

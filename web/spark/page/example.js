@@ -4,9 +4,7 @@ import {SparkRenderer, SplatMesh} from '@sparkjsdev/spark';
 import {followRules, L4DSplats, open, sparkOptions} from 'l4dcodec-spark';
 import * as THREE from 'three';
 import {OrbitControls} from 'three/addons/controls/OrbitControls.js';
-
-const find = (/** @type {string} */ name) => /** @type {any} */ (document.querySelector(name));
-const [canvas, button, slider, output] = ['canvas', 'button', 'input', 'output'].map(find);
+import {canvas, connect, source} from './transport.js';
 
 const renderer = new THREE.WebGLRenderer({canvas, antialias: false});
 const scene = new THREE.Scene();
@@ -19,7 +17,7 @@ scene.add(spark);
 const mesh = new THREE.Mesh(new THREE.SphereGeometry(1, 48, 24), new THREE.MeshBasicMaterial({color: 0x00ff00}));
 scene.add(mesh);
 
-const movie = await open(new URLSearchParams(location.search).get('src') ?? 'scene.l4d');
+const movie = await open(source);
 const splats = new L4DSplats(movie);
 splats.rotation.x = Math.PI;  // y is down in the stream
 scene.add(splats);
@@ -36,18 +34,11 @@ resize();
 
 const controls = new OrbitControls(camera, canvas);
 controls.update();
-slider.min = movie.timeBegin;
-slider.max = movie.timeEnd;
-slider.oninput = () => { movie.currentTime = Number(slider.value); };
-button.onclick = () => { if (movie.paused) movie.play(); else movie.pause(); };
-movie.loop = true;
-movie.on('play', () => { button.textContent = 'Pause'; });
-movie.on('pause', () => { button.textContent = 'Play'; });
+const show = connect(movie);
 
 const draw = () => renderer.render(scene, camera);
 renderer.setAnimationLoop(() => {
-  slider.value = String(movie.currentTime);
-  output.value = `${movie.currentTime.toFixed(2)} s`;
+  show();
   draw();
 });
 await movie.seek(movie.timeBegin);
