@@ -3,7 +3,8 @@
 # usage: build.sh [wasm]
 # Builds l4d.wasm (build/wasm) and the packages (build/web/l4dcodec, build/web/l4dcodec-player), and
 # the player in few files (build/web/player), which the tool takes up when it is built after this.
-# Where npm has installed Spark: the adapter to it (build/web/l4dcodec-spark) and its page (build/web/spark).
+# Where npm has installed engines: the adapters to them (build/web/l4dcodec-spark, l4dcodec-three) and their pages
+# (build/web/spark, build/web/three).
 # `wasm`: no packages, which need what npm has installed. Exit status 77: something is not installed.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -48,13 +49,19 @@ echo "l4d.wasm: $(wc -c <"$wasm") bytes, $(gzip -9c "$wasm" | wc -c) with gzip -
 
 bin=web/node_modules/.bin
 [[ -e web/node_modules/typescript/bin/tsc && -x $bin/esbuild ]] || skip "no packages of npm in web/node_modules"
-packages=(core view)
-if [[ -d web/node_modules/@sparkjsdev/spark && -d web/node_modules/three ]]; then
-  packages+=(spark)
-else
-  echo "SKIPPED: l4dcodec-spark: no Spark or three.js in web/node_modules (./dev setup web)"
-fi
-for package in "${packages[@]}"; do
+adapters=()
+# adapter FOLDER PACKAGE...: of what npm has installed.
+adapter() {
+  local folder=$1 package
+  shift
+  for package in "$@"; do
+    [[ -d web/node_modules/$package ]] || { echo "SKIPPED: l4dcodec-$folder: no $package in web/node_modules (./dev setup web)" && return; }
+  done
+  adapters+=("$folder")
+}
+adapter spark @sparkjsdev/spark three
+adapter three three
+for package in core view "${adapters[@]}"; do
   name=$(sed -n 's/^  "name": "\(.*\)",$/\1/p' "web/$package/package.json")
   rm -rf "${out:?}/$name"
   mkdir -p "$out/$name"
@@ -73,7 +80,8 @@ player=$out/player.part
 rm -rf "$player"
 mkdir -p "$player"
 bundle=("$bin/esbuild" --bundle --format=esm --minify --target=es2022 --log-level=warning --legal-comments=none
-  "--alias:l4dcodec=./web/core/src/index.js" "--alias:l4dcodec-player/rules=./web/view/src/rules.js")
+  "--alias:l4dcodec=./web/core/src/index.js" "--alias:l4dcodec-player/rules=./web/view/src/rules.js"
+  "--alias:l4dcodec-player/splats=./web/view/src/splats.js")
 "${bundle[@]}" web/view/src/index.js "--outfile=$player/player.js"
 "${bundle[@]}" web/core/src/worker.js "--outfile=$player/worker.js"
 "${bundle[@]}" web/view/src/sort-worker.js "--outfile=$player/sort-worker.js"
@@ -100,10 +108,11 @@ done
 rm "$single/worker.txt" "$single/sort-worker.txt"
 echo "l4d-player.js: $(wc -c <"$single/l4d-player.js") bytes, $(gzip -9c "$single/l4d-player.js" | wc -c) with gzip -9"
 
-# A page of the adapter, with three.js and Spark in it.
-[[ " ${packages[*]} " == *" spark "* ]] || exit 0
-page=$out/spark
-rm -rf "$page"
-mkdir -p "$page"
-"${bundle[@]}" "--alias:l4dcodec-spark=./web/spark/src/index.js" web/spark/page/example.js "--outfile=$page/example.js"
-cp web/spark/page/index.html "$out/player/worker.js" "$wasm" "$page/"
+# A page of each adapter, with its engine in it.
+for adapter in "${adapters[@]}"; do
+  page=$out/$adapter
+  rm -rf "$page"
+  mkdir -p "$page"
+  "${bundle[@]}" "--alias:l4dcodec-$adapter=./web/$adapter/src/index.js" "web/$adapter/page/example.js" "--outfile=$page/example.js"
+  cp web/spark/page/index.html "$player/worker.js" "$player/sort-worker.js" "$wasm" "$page/"
+done

@@ -24,6 +24,7 @@ const complaints = (program, compiler = 'typescript') => {
         target: 'ES2022', module: 'ESNext', moduleResolution: 'bundler', lib: ['ES2022', 'DOM', 'DOM.Iterable'], types: [], jsx: 'preserve',
         strict: true, noEmit: true, paths: {
           l4dcodec: types('l4dcodec'), 'l4dcodec-player': types('l4dcodec-player'),
+          'l4dcodec-player/splats': types('l4dcodec-player/types/splats.d.ts'),
           'l4dcodec-player/react': types('l4dcodec-player/types/react.d.ts'), react: [join(root, 'web/node_modules/@types/react')]
         }
       }
@@ -38,6 +39,7 @@ const complaints = (program, compiler = 'typescript') => {
 for (const compiler of compilers) test(`${compiler}: documents know <l4d-player>, its properties, events and attributes`, () => {
   assert.equal(complaints(`
     import {open, View} from 'l4dcodec-player';
+    import {Splats} from 'l4dcodec-player/splats';
     const player = document.querySelector('l4d-player')!;
     const made = document.createElement('l4d-player');
     const seconds: number = player.currentTime + made.duration;
@@ -47,6 +49,8 @@ for (const compiler of compilers) test(`${compiler}: documents know <l4d-player>
     const loaded: Promise<void> = made.load(new Blob());
     const playback: 'once' | 'loop' | 'ping-pong' | null | undefined = player.movie?.info.presentation.playback;
     const show = async (view: View) => view.show(await open('scene.l4d'));
+    const splats = new Splats('scene.l4d', {maxRows: 1000, sortWorker: () => new Worker('sort-worker.js')});
+    const still: Promise<boolean> = splats.load().then(movie => movie.paused);
     player.addEventListener('open', ({detail}) => { const frames: number = detail.info.numFrames; void frames; });
     player.addEventListener('error', event => { const code: string = event.detail.code; void code; });
     player.addEventListener('playing', event => { const type: string = event.type; void type; });
@@ -59,7 +63,7 @@ for (const compiler of compilers) test(`${compiler}: documents know <l4d-player>
     const picture: Promise<Blob> = player.toBlob({type: 'image/webp', width: 640});
     const state: number = player.buffered.end(0) + player.readyState + (player.error?.code ?? 0);
     const attributes: JSX.IntrinsicElements['l4d-player'] = {src: 'a.l4d', loading: 'lazy', 'max-rows': 5, 'camera-orbit': '0deg 75deg 4m', 'auto-rotate': true};
-    export {attributes, loaded, picture, playback, played, point, seconds, show, state};
+    export {attributes, loaded, picture, playback, played, point, seconds, show, state, still};
   `, compiler), '');
   assert.match(complaints("document.querySelector('l4d-player')!.loop = 'yes'; import 'l4dcodec-player'; export {};", compiler),
                /not assignable to type 'boolean'/);

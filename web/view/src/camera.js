@@ -7,6 +7,8 @@
  * @property {number[]} worldToCamera [3, 4] or [4, 4], row-major
  * @property {number} fx pixels @property {number} fy @property {number} cx @property {number} cy
  * @property {number} nearPlane
+ * @property {Vec3} [center] where worldToCamera is no rotation and translation alone
+ * @property {[number, number]} [depths] of a target with depth: [0] + [1] / distance
  */
 
 /** @param {Vec3} a @param {Vec3} b @returns {Vec3} */

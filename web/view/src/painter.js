@@ -41,7 +41,7 @@ export class Painter {
     /** @type {Record<string, WebGLUniformLocation | null>} */
     this.at = {};
     for (const name of ['rows', 'harmonics', 'times', 'rotation', 'translation', 'center', 'focal', 'origin', 'size',
-                        'slopes', 'nearPlane', 'degree', 'texels', 'white']) {
+                        'slopes', 'nearPlane', 'depths', 'degree', 'texels', 'white']) {
       this.at[name] = gl.getUniformLocation(this.program, name);
     }
     // The canvas itself clamps what shines through to 1 at each Gaussian, and rounds it to 8 bits: 41 dB in
@@ -79,7 +79,7 @@ export class Painter {
   }
 
   /** @param {number} width @param {number} height */
-  #resize(width, height) {
+  resize(width, height) {
     if (this.size[0] === width && this.size[1] === height) return;
     const gl = this.gl;
     this.size = [width, height];
@@ -98,18 +98,26 @@ export class Painter {
    */
   draw(camera, streams, width, height, background) {
     const gl = this.gl;
-    this.#resize(width, height);
+    this.resize(width, height);
     this.store.setTime(streams);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
     gl.viewport(0, 0, width, height);
     const [red, green, blue] = background.map(c => c * this.white);
     gl.clearColor(red, green, blue, 1);
     gl.clear(gl.COLOR_BUFFER_BIT);
-    if (this.count > 0) this.#splats(camera, width, height);
+    if (this.count > 0) this.splats(camera, width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.disable(gl.BLEND);
+    this.copyPicture(false);
+  }
+
+  /** From the target of blending to the framebuffer that is bound. @param {boolean} isLinear what is there is linear light */
+  copyPicture(isLinear) {
+    const gl = this.gl;
+    const at = (/** @type {string} */ name) => gl.getUniformLocation(/** @type {WebGLProgram} */ (this.copy), name);
     gl.useProgram(this.copy);
-    gl.uniform1f(gl.getUniformLocation(/** @type {WebGLProgram} */ (this.copy), 'white'), this.white);
+    gl.uniform1f(at('white'), this.white);
+    gl.uniform1i(at('isLinear'), Number(isLinear));
     this.#bind(0, this.picture);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
@@ -121,7 +129,7 @@ export class Painter {
   }
 
   /** @param {import('./camera.js').Camera} camera @param {number} width @param {number} height */
-  #splats(camera, width, height) {
+  splats(camera, width, height) {
     const gl = this.gl;
     const at = this.at;
     const terms = cameraTerms(camera, width, height);
@@ -140,6 +148,7 @@ export class Painter {
     gl.uniform2fv(at.size, terms.size);
     gl.uniform4fv(at.slopes, terms.slopes);
     gl.uniform1f(at.nearPlane, terms.nearPlane);
+    gl.uniform2fv(at.depths, terms.depths);
     gl.uniform1i(at.degree, this.degree);
     gl.uniform1f(at.white, this.white);
     gl.uniform1i(at.texels, this.store.shTexels);

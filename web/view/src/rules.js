@@ -143,13 +143,13 @@ export const frustumMargin = 0.3;  // of half the picture, as render/view/view.h
  * What the rules need of a camera, in their names.
  * @param {import('./camera.js').Camera} camera @param {number} width pixels @param {number} height
  */
-export const cameraTerms = ({worldToCamera: m, fx, fy, cx, cy, nearPlane}, width, height) => {
+export const cameraTerms = ({worldToCamera: m, fx, fy, cx, cy, nearPlane, center, depths}, width, height) => {
   const margins = [frustumMargin * 0.5 * width / fx, frustumMargin * 0.5 * height / fy];
   return {
     rotation: [m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]],  // by columns
     translation: [m[3], m[7], m[11]],
-    center: eyeOf(m), focal: [fx, fy], origin: [cx, cy], size: [width, height],
+    center: center ?? eyeOf(m), focal: [fx, fy], origin: [cx, cy], size: [width, height],
     slopes: [-cx / fx - margins[0], -cy / fy - margins[1], (width - cx) / fx + margins[0], (height - cy) / fy + margins[1]],
-    nearPlane
+    nearPlane, depths: depths ?? [0, 0]
   };
 };

@@ -17,6 +17,7 @@ uniform vec3 center;       // of the camera
 uniform vec2 focal, origin, size;  // pixels
 uniform vec4 slopes;
 uniform float nearPlane;
+uniform vec2 depths;       // of the target: x + y / distance
 uniform int degree, texels;  // SH texels of a Gaussian
 uniform float white;       // in the target of blending
 
@@ -46,7 +47,7 @@ ${glsl(sliceRules(rendering) + projectRules(rendering))}
   vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
   place = corner * radius;
   vec2 pixel = mean + place.x * sqrt(large) * axis + place.y * sqrt(small) * vec2(-axis.y, axis.x);
-  gl_Position = vec4(2.0 * pixel.x / size.x - 1.0, 1.0 - 2.0 * pixel.y / size.y, 0.0, 1.0);
+  gl_Position = vec4(2.0 * pixel.x / size.x - 1.0, 1.0 - 2.0 * pixel.y / size.y, depths.x + depths.y / p.z, 1.0);
 ${glsl(directionRules)}
   for (int k = 0; k < texels; ++k) {
     vec4 four = texelFetch(harmonics, ivec2(texels * at.x + k, at.y), 0);
@@ -81,5 +82,12 @@ precision highp float;
 precision highp sampler2D;
 uniform sampler2D picture;
 uniform float white;
+uniform bool isLinear;
 out vec4 color;
-void main() { color = vec4(texelFetch(picture, ivec2(gl_FragCoord.xy), 0).rgb / white, 1.0); }`;
+void main() {
+  color = texelFetch(picture, ivec2(gl_FragCoord.xy), 0);
+  color.rgb /= white;
+  if (!isLinear || color.a == 0.0) return;
+  vec3 own = color.rgb / color.a;
+  color.rgb = color.a * mix(own / 12.92, pow((own + 0.055) / 1.055, vec3(2.4)), greaterThan(own, vec3(0.04045)));
+}`;

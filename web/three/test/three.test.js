@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+// The example of the adapter to three.js, in Chromium: its page is the test.
+import assert from 'node:assert/strict';
+import {join} from 'node:path';
+import {after, before, test} from 'node:test';
+import {launch, serve, work} from '../../test/browser.js';
+import {checkHiding, fidelities, madeCameras, openExample, rendered} from '../../test/engine-page.js';
+
+const stream = join(work, 'short.l4d');
+const leastDb = 55;
+/** @type {any} */
+let browser, server, page;
+before(async () => {
+  browser = await launch();
+  server = await serve({'scene.l4d': stream}, {}, 'build/web/three');
+  page = await openExample(browser, server.url);
+});
+after(async () => {
+  await browser?.close();
+  server?.close();
+});
+
+/** @param {Record<string, string>} files @param {string} query @param {string} stream @param {[number, number][]} views */
+const compare = async (files, query, stream, views) => {
+  const other = await serve(files, {}, 'build/web/three');
+  const second = await openExample(browser, `${other.url}${query}`);
+  try {
+    const found = await fidelities(second, stream, views, 'three.js');
+    assert.ok(Math.min(...found) >= leastDb, found.join(' '));
+  } finally {
+    await second.close();
+    other.close();
+  }
+};
+
+test(`three.js shows what l4dcodec render draws, at ${leastDb} dB`, async () => {
+  const found = await fidelities(page, stream, [[0.2, 0], [1.5, 1], [3, 2]], 'three.js');
+  assert.ok(Math.min(...found) >= leastDb, found.join(' '));
+});
+
+test('flat windows, and how a stream wants to be drawn', async () => {
+  for (const name of ['frames', 'drawn']) {
+    const file = join(work, `${name}.l4d`);
+    await compare({'scene.l4d': file}, '', file, [[0, 0], [7 / 30, 1], [0.99, 2]]);
+  }
+});
+
+test('streams that follow each other, whose colours have other degrees', async () => {
+  const joined = join(work, 'joined.l4d');
+  await compare({'joined.m3u8': join(work, 'joined.m3u8'), 'joined.l4d': joined}, '?src=joined.m3u8', joined, [[0.5, 0], [1.01, 0], [3, 1], [0.2, 2]]);
+});
+
+test('a mesh hides splats behind it, and splats hide a mesh behind them', () => checkHiding(page));
+
+/** In the page, at 1.5 s: PSNR of what `how` draws. @param {string} how @param {any} seen camera */
+const drawn = async (how, seen) => page.evaluate(async ({camera, png, how}) => {
+  const {tools, example: {THREE, camera: eye, splats, renderer}} = /** @type {any} */ (globalThis);
+  tools.show(true, false);
+  tools.look(camera, 320, 240);
+  await tools.seek(1.5);
+  if (how === 'moved') {
+    // Scene and camera alike.
+    splats.position.set(3, -2, 5);
+    splats.rotation.set(0.4, 1, -2);
+    splats.scale.setScalar(2.5);
+    splats.updateMatrix();
+    const {position, quaternion} = eye;
+    position.applyMatrix4(splats.matrix);
+    quaternion.premultiply(splats.quaternion);
+  }
+  let target = null;
+  if (how === 'linear') target = new THREE.WebGLRenderTarget(320, 240, {type: THREE.HalfFloatType, samples: 4});
+  const pixels = await tools.picture(null, target);
+  if (target) {
+    for (let k = 0; k < pixels.length; ++k) pixels[k] = 255 * new THREE.Color().setRGB(pixels[k] / 255, 0, 0).convertLinearToSRGB().r;
+    target.dispose();
+  }
+  splats.position.set(0, 0, 0);
+  splats.rotation.set(0, 0, 0);
+  splats.scale.setScalar(1);
+  return tools.psnr(pixels, png);
+}, {camera: seen, png: rendered(stream, seen, 1.5, [320, 240]), how});
+
+test('the matrix of the object, and a target of linear light with samples', async () => {
+  // What shines through splats blends in linear light there, as that of other transparent objects does.
+  for (const [how, camera, least] of [['moved', madeCameras[1], leastDb], ['linear', madeCameras[2], 37]]) {
+    const found = await drawn(how, camera);
+    console.log(`${how}: ${found.toFixed(2)} dB`);
+    assert.ok(found >= least, `${how}: ${found}`);
+  }
+});
+
+test('the state that three.js remembers stays as it is', async () => {
+  const changed = await page.evaluate(async () => {
+    const {tools: {gl, draw}, example: {splats}} = /** @type {any} */ (globalThis);
+    const names = Object.keys(WebGL2RenderingContext).filter(name => /_BINDING|_MASK$|WRITEMASK|^UNPACK_|_TEXTURE$|PROGRAM$|^BLEND_|VIEWPORT|SCISSOR_BOX|CLEAR_VALUE|FUNC$|_TEST$|^BLEND$|CULL_FACE$/.test(name) &&
+      !/ATTRIB|COMPARE|BLOCK/.test(name));
+    const state = () => names.map(name => gl.getParameter(gl[name]));
+    const before = splats.onBeforeRender;
+    let found = null;
+    splats.onBeforeRender = (...given) => {
+      gl.enable(gl.STENCIL_TEST);
+      gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, true);
+      while (gl.getError());
+      const first = state();
+      before.apply(splats, given);
+      const second = state();
+      const equal = (a, b) => a === b || ArrayBuffer.isView(a) && a.every((v, k) => v === b[k]) || Array.isArray(a) && a.every((v, k) => v === b[k]);
+      found = names.filter((name, k) => !equal(first[k], second[k]));
+      gl.disable(gl.STENCIL_TEST);
+      gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
+    };
+    draw();
+    delete splats.onBeforeRender;
+    return {found, names: names.length};
+  });
+  console.log(`${changed.names} names of state`);
+  assert.deepEqual(changed.found, []);
+});
+
+test('a context that is lost and restored', async () => {
+  const {png, camera} = {png: rendered(stream, madeCameras[1], 1.5, [320, 240]), camera: madeCameras[1]};
+  const found = await page.evaluate(async ({png, camera}) => {
+    const {tools, until, example: {splats: {splats}}} = /** @type {any} */ (globalThis);
+    const {rows} = splats.stats;
+    const extension = tools.gl.getExtension('WEBGL_lose_context');
+    for (const name of ['lost', 'restored']) {
+      const done = new Promise(resolve => tools.gl.canvas.addEventListener(`webglcontext${name}`, resolve, {once: true}));
+      await new Promise(resolve => setTimeout(resolve));
+      if (name === 'lost') extension.loseContext();
+      else extension.restoreContext();
+      await done;
+    }
+    await until(() => splats.stats.rows === rows, 'all rows');
+    tools.look(camera, 320, 240);
+    return tools.psnr(await tools.picture(), png);
+  }, {png, camera});
+  assert.ok(found >= leastDb, `${found}`);
+});
+
+test('what is disposed of is gone, with its workers', async () => {
+  const {lit, isThere} = await page.evaluate(async () => {
+    const {tools, example: {splats}} = /** @type {any} */ (globalThis);
+    const {rows} = splats.splats.painter.store;
+    tools.show(true, false);
+    splats.dispose();
+    tools.draw();
+    const pixels = new Uint8Array(4 * 320 * 240);
+    tools.gl.readPixels(0, 0, 320, 240, tools.gl.RGBA, tools.gl.UNSIGNED_BYTE, pixels);
+    return {lit: pixels.reduce((sum, v, k) => sum + (k % 4 === 3 ? 0 : v), 0), isThere: tools.gl.isTexture(rows)};
+  });
+  assert.equal(lit, 0);
+  assert.equal(isThere, false);
+  for (const worker of page.workers()) await new Promise(resolve => worker.once('close', resolve));
+  assert.deepEqual(page.errors, []);
+});
