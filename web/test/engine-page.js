@@ -36,9 +36,11 @@ export const rendered = (stream, camera, time, [width, height]) => {
 /**
  * The example with a stream, which draws on request.
  * @param {any} browser @param {string} url @param {() => void} [engine] in the page: makes `tools`, what its engine does its own way
+ * @param {string} [script] that runs before
  */
-export const openExample = async (browser, url, engine = threeTools) => {
+export const openExample = async (browser, url, engine = threeTools, script = '') => {
   const page = await newPage(browser, {viewport: {width: 320, height: 240}});
+  await page.addInitScript(script);
   await page.goto(url, {waitUntil: 'commit', timeout: 120000});
   await page.waitForFunction(() => 'example' in globalThis, undefined, {timeout: 120000});
   await page.evaluate(engine);

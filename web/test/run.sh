@@ -33,7 +33,7 @@ if [[ $kind != prepare && $kind != core ]]; then
   command -v chromium-headless-shell chromium >/dev/null || skip "no chromium"
   has_packages || skip "no packages of npm in web/node_modules"
   [[ $kind != spark || -d web/node_modules/@sparkjsdev/spark ]] || skip "no Spark in web/node_modules"
-  [[ $kind != three || -d web/node_modules/three ]] || skip "no three.js in web/node_modules"
+  [[ $kind != three || -d web/node_modules/three && -d web/node_modules/iwer ]] || skip "no three.js or iwer in web/node_modules"
 fi
 
 mkdir -p "$work"

@@ -3,6 +3,7 @@
 import {L4DSplats} from 'l4dcodec-three';
 import * as THREE from 'three';
 import {OrbitControls} from 'three/addons/controls/OrbitControls.js';
+import {VRButton} from 'three/addons/webxr/VRButton.js';
 import {canvas, connect, source} from '../../spark/page/transport.js';
 
 const renderer = new THREE.WebGLRenderer({canvas, antialias: true});
@@ -37,6 +38,10 @@ renderer.setAnimationLoop(() => {
   show();
   draw();
 });
+
+renderer.xr.enabled = true;
+const {xr} = /** @type {any} */ (navigator);
+if (await xr?.isSessionSupported('immersive-vr')) document.body.append(VRButton.createButton(renderer));
 
 /** For programs that drive the page, as its test does. */
 Object.assign(globalThis, {example: {THREE, renderer, scene, camera, mesh, movie, splats, controls, draw, L4DSplats}});

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The example of the adapter to three.js, in Chromium: its page is the test.
 import assert from 'node:assert/strict';
+import {readFileSync} from 'node:fs';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
-import {launch, serve, work} from '../../test/browser.js';
+import {launch, root, serve, work} from '../../test/browser.js';
 import {checkHiding, fidelities, madeCameras, openExample, rendered} from '../../test/engine-page.js';
 
 const stream = join(work, 'short.l4d');
@@ -136,6 +137,66 @@ test('a context that is lost and restored', async () => {
     return tools.psnr(await tools.picture(), png);
   }, {png, camera});
   assert.ok(found >= leastDb, `${found}`);
+});
+
+/** What the tool knows of a camera that looks along -z. @param {{view: number[], projection: number[], size: [number, number]}} eye */
+const cameraOf = ({view: v, projection: p, size: [width, height]}) => ({
+  K: [[p[0] * width / 2, 0, width / 2 * (1 - p[8])], [0, p[5] * height / 2, height / 2 * (1 + p[9])], [0, 0, 1]],
+  w2c: [0, 1, 2, 3].map(r => [0, 1, 2, 3].map(c => v[4 * c + r] * (r === 1 || r === 2 ? -1 : 1)))
+});
+
+test('both eyes of a headset, which have one order', async () => {
+  const emulator = readFileSync(join(root, 'web/node_modules/iwer/build/iwer.min.js'));
+  const second = await openExample(browser, server.url, undefined, `${emulator}
+    globalThis.headset = new IWER.XRDevice(IWER.metaQuest3, {stereoEnabled: true, ipd: 0.5});
+    headset.installRuntime({forceInstall: true});`);
+  try {
+    const {eyes, sorts} = await second.evaluate(async camera => {
+      const {tools, headset, until, example} = /** @type {any} */ (globalThis);
+      const {camera: head, movie, renderer: {xr}, renderer, splats: {splats}, draw} = example;
+      tools.show(true, false);
+      tools.look(camera, 320, 240);
+      headset.position.copy(head.position);
+      headset.quaternion.copy(head.quaternion);
+      const {sorter} = splats, post = sorter.postMessage.bind(sorter);
+      const sorts = [];  // of each picture
+      sorter.postMessage = (...given) => {
+        if (given[0].type === 'sort') ++sorts[sorts.length - 1];
+        post(...given);
+      };
+      renderer.setAnimationLoop(() => {
+        sorts.push(0);
+        draw();
+        if (!tools.isTaken || splats.drawn !== splats.wanted) return;
+        tools.eyes ??= xr.getCamera().cameras.map(({viewport: {x, y, width, height}}) => {
+          const pixels = new Uint8Array(4 * width * height);
+          tools.gl.readPixels(x, y, width, height, tools.gl.RGBA, tools.gl.UNSIGNED_BYTE, pixels);
+          return pixels;
+        });
+      });
+      await xr.setSession(await /** @type {any} */ (navigator).xr.requestSession('immersive-vr', {optionalFeatures: ['local-floor']}));
+      movie.play();
+      await until(() => movie.currentTime > 0.5, 'the movie');
+      movie.pause();
+      await tools.seek(1.5);
+      tools.isTaken = true;
+      await until(() => tools.eyes, 'a picture');
+      const eyes = xr.getCamera().cameras.map(({matrixWorldInverse, projectionMatrix, viewport: {width, height}}) => (
+        {view: matrixWorldInverse.elements, projection: projectionMatrix.elements, size: [width, height]}));
+      return {eyes, sorts};
+    }, madeCameras[1]);
+    assert.ok(sorts.length > 5 && Math.max(...sorts) === 1, `${sorts}`);
+    const found = [];
+    for (const [k, eye] of eyes.entries()) {
+      const png = rendered(stream, cameraOf(eye), 1.5, eye.size);
+      found.push(await second.evaluate(({k, png}) => /** @type {any} */ (globalThis).tools.psnr(/** @type {any} */ (globalThis).tools.eyes[k], png), {k, png}));
+    }
+    console.log(`both eyes: ${found.map(v => v.toFixed(2)).join(', ')} dB, of ${sorts.length} pictures`);
+    assert.ok(found.length === 2 && Math.min(...found) >= leastDb, found.join(' '));
+    assert.deepEqual(second.errors, []);
+  } finally {
+    await second.close();
+  }
 });
 
 test('what is disposed of is gone, with its workers', async () => {
