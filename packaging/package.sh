@@ -72,7 +72,7 @@ mv "$build"/debian/*.deb "$build"/debian/*.changes "$build"/debian/*.buildinfo "
 rm -rf "$build/debian"
 
 echo "== npm archives"
-for package in l4dcodec l4dcodec-player l4dcodec-spark l4dcodec-three; do
+for package in l4dcodec l4dcodec-player l4dcodec-spark l4dcodec-three l4dcodec-babylon l4dcodec-playcanvas; do
   if [[ -d build/web/$package ]]; then
     (cd "$out" && npm pack --silent "$OLDPWD/build/web/$package")
   else

@@ -3,8 +3,8 @@
 # usage: build.sh [wasm]
 # Builds l4d.wasm (build/wasm) and the packages (build/web/l4dcodec, build/web/l4dcodec-player), and
 # the player in few files (build/web/player), which the tool takes up when it is built after this.
-# Where npm has installed engines: the adapters to them (build/web/l4dcodec-spark, l4dcodec-three) and their pages
-# (build/web/spark, build/web/three).
+# Where npm has installed engines: the adapters to them (build/web/l4dcodec-spark, -three, -babylon, -playcanvas) and
+# their pages (build/web/spark, ..).
 # `wasm`: no packages, which need what npm has installed. Exit status 77: something is not installed.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -61,6 +61,8 @@ adapter() {
 }
 adapter spark @sparkjsdev/spark three
 adapter three three
+adapter babylon @babylonjs/core
+adapter playcanvas playcanvas
 for package in core view "${adapters[@]}"; do
   name=$(sed -n 's/^  "name": "\(.*\)",$/\1/p' "web/$package/package.json")
   rm -rf "${out:?}/$name"

@@ -14,7 +14,8 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 FOLDERS = ("include", "libl4dcodec", "decoder", "encoder", "render", "io", "eval", "cli", "training", "python",
-           "bench", "web/core/src", "web/spark/src", "web/three/src", "web/view/src", "web/wasm")
+           "bench", "web/babylon/src", "web/core/src", "web/playcanvas/src", "web/spark/src", "web/three/src", "web/view/src",
+           "web/wasm")
 SUFFIXES = {".h", ".hpp", ".cc", ".cu", ".cuh", ".js"}
 
 COMMENT = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:[^"\\\n]|\\.)*"', re.DOTALL)

@@ -51,7 +51,8 @@ def documents():
 COMMENT = re.compile(r'''"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*'|(//[^\n]*|/\*.*?\*/)''', re.DOTALL)
 SOURCE_SUFFIXES = {".h", ".hpp", ".c", ".cc", ".inc", ".cu", ".cuh", ".js"}
 FOLDERS = ("api", "bench", "cli", "conformance", "decoder", "encoder", "eval", "examples", "io", "libl4dcodec",
-           "python", "render", "tests", "training", "web/core", "web/spark", "web/test", "web/three", "web/view", "web/wasm")
+           "python", "render", "tests", "training", "web/babylon", "web/core", "web/playcanvas", "web/spark", "web/test", "web/three",
+           "web/view", "web/wasm")
 
 
 def sources():

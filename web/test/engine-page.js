@@ -4,7 +4,8 @@ import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
 import {readFileSync, writeFileSync} from 'node:fs';
 import {join} from 'node:path';
-import {newPage, work} from './browser.js';
+import {after, before, test} from 'node:test';
+import {launch, newPage, serve, work} from './browser.js';
 
 export const tool = /** @type {string} */ (process.env.L4D_TOOL);
 
@@ -97,6 +98,48 @@ export const checkHiding = async page => {
   assert.ok(found.behind[1] < 0.1 * found.behind[0], 'splats hide it');
 };
 
+/** Frees what it has, and nothing of it is seen. @param {any} page */
+export const checkDisposal = async page => {
+  const {lit, isThere} = await page.evaluate(async () => {
+    const {tools: {gl, show, draw, pixels}, example: {splats}} = /** @type {any} */ (globalThis);
+    const {rows} = splats.splats.painter.store;
+    show(true, false);
+    (splats.destroy ?? splats.dispose).call(splats);
+    draw();
+    return {lit: pixels().reduce((sum, v, k) => sum + (k % 4 === 3 ? 0 : v), 0), isThere: gl.isTexture(rows)};
+  });
+  assert.equal(lit, 0);
+  assert.equal(isThere, false);
+  for (const worker of page.workers()) await new Promise(resolve => worker.once('close', resolve));
+  assert.deepEqual(page.errors, []);
+};
+
+/**
+ * Tests of an adapter that has what is its own in its engine alone.
+ * @param {string} folder of its page @param {string} name @param {() => void} engine in the page: what it does its own way
+ */
+export const testEngine = (folder, name, engine) => {
+  const stream = join(work, 'short.l4d');
+  const leastDb = 55;
+  /** @type {any} */
+  let browser, server, page;
+  before(async () => {
+    browser = await launch();
+    server = await serve({'scene.l4d': stream}, {}, `build/web/${folder}`);
+    page = await openExample(browser, server.url, engine);
+  });
+  after(async () => {
+    await browser?.close();
+    server?.close();
+  });
+  test(`${name} shows what l4dcodec render draws, at ${leastDb} dB`, async () => {
+    const found = await fidelities(page, stream, [[0.2, 0], [1.5, 1], [3, 2]], name);
+    assert.ok(Math.min(...found) >= leastDb, found.join(' '));
+  });
+  test('a mesh hides splats behind it, and splats hide a mesh behind them', () => checkHiding(page));
+  test('what is disposed of is gone, with its workers', () => checkDisposal(page));
+};
+
 /** In the page: what three.js does its own way. */
 function threeTools() {
   const {THREE, renderer, camera, controls, scene, mesh, splats} = /** @type {any} */ (globalThis).example;
@@ -144,8 +187,14 @@ function threeTools() {
 function install() {
   const {tools, example} = /** @type {any} */ (globalThis);
   const {movie} = example;
+  const {show} = tools;
   const pause = () => new Promise(resolve => setTimeout(resolve, 5));
   Object.assign(tools, {
+    isShown: true,
+    show(hasSplats, hasMesh) {
+      tools.isShown = hasSplats;
+      show(hasSplats, hasMesh);
+    },
     /** [4, 4] by columns, of a camera that looks along -z. */
     projection(K, width, height, near, far) {
       return [2 * K[0][0] / width, 0, 0, 0, 0, 2 * K[1][1] / height, 0, 0, 1 - 2 * K[0][2] / width, 2 * K[1][2] / height - 1,
@@ -158,8 +207,8 @@ function install() {
     },
     /** Pixels of the canvas or of a target, the lowest line first, once all is sorted. */
     async picture(spark = example.spark, target = null) {
-      const {splats: {visible, splats: sorted}} = example;
-      const isBusy = () => spark ? spark.sorting || spark.sortDirty : visible && sorted.drawn !== sorted.wanted;
+      const sorted = example.splats.splats;
+      const isBusy = () => spark ? spark.sorting || spark.sortDirty : tools.isShown && sorted.drawn !== sorted.wanted;
       // Spark asks for an order after it has drawn, and shows it in a later picture; others are done when a picture shows it.
       for (let k = spark ? 0 : 1; k < 2; ++k) {
         tools.draw(target);
@@ -169,10 +218,16 @@ function install() {
         } while (isBusy());
       }
       tools.draw(target);
-      if (target) return tools.read(target);
+      return target ? tools.read(target) : tools.pixels();
+    },
+    /** Of the canvas: an engine may leave another framebuffer bound. */
+    pixels() {
       const {gl} = tools;
+      const bound = gl.getParameter(gl.READ_FRAMEBUFFER_BINDING);
       const bytes = new Uint8Array(4 * gl.canvas.width * gl.canvas.height);
+      gl.bindFramebuffer(gl.READ_FRAMEBUFFER, null);
       gl.readPixels(0, 0, gl.canvas.width, gl.canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+      gl.bindFramebuffer(gl.READ_FRAMEBUFFER, bound);
       return bytes;
     },
     /** PSNR of pixels against a PNG. */

@@ -1,16 +1,16 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# usage: run.sh prepare|core|browser|spark|three TOOL WORK_DIR [FILE...]
+# usage: run.sh prepare|core|browser|spark|three|babylon|playcanvas TOOL WORK_DIR [FILE...]
 # prepare: builds l4d.wasm and the packages, and makes scenes in WORK_DIR. core: the decoder and its sessions in node,
 # against TOOL. browser: the player in Chromium, all of it or the files with these names (images: images.test.js).
-# spark, three: the adapters to Spark and three.js in Chromium.
+# spark, three, babylon, playcanvas: the adapters to these engines in Chromium.
 # All but the first prepare first, unless L4D_WEB_PREPARED is set, as it is where ctest has run that before.
 # Exit status 77: something that they need is not installed.
 set -euo pipefail
-usage="usage: run.sh prepare|core|browser|spark|three TOOL WORK_DIR [FILE...]"
+usage="usage: run.sh prepare|core|browser|spark|three|babylon|playcanvas TOOL WORK_DIR [FILE...]"
 kind=${1:?"$usage"} tool=${2:?"$usage"} work=${3:?"$usage"}
 shift 3
-[[ $kind =~ ^(prepare|core|browser|spark|three)$ ]] || { echo "unknown kind $kind" >&2 && exit 2; }
+[[ $kind =~ ^(prepare|core|browser|spark|three|babylon|playcanvas)$ ]] || { echo "unknown kind $kind" >&2 && exit 2; }
 [[ $# -eq 0 || $kind == browser ]] || { echo "$usage" >&2 && exit 2; }
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 cd "$root"
@@ -32,8 +32,16 @@ has_packages() {
 if [[ $kind != prepare && $kind != core ]]; then
   command -v chromium-headless-shell chromium >/dev/null || skip "no chromium"
   has_packages || skip "no packages of npm in web/node_modules"
-  [[ $kind != spark || -d web/node_modules/@sparkjsdev/spark ]] || skip "no Spark in web/node_modules"
-  [[ $kind != three || -d web/node_modules/three && -d web/node_modules/iwer ]] || skip "no three.js or iwer in web/node_modules"
+  case $kind in
+    browser) engine=() ;;
+    spark) engine=(@sparkjsdev/spark) ;;
+    three) engine=(three iwer) ;;
+    babylon) engine=(@babylonjs/core) ;;
+    playcanvas) engine=(playcanvas) ;;
+  esac
+  for package in "${engine[@]}"; do
+    [[ -d web/node_modules/$package ]] || skip "no $package in web/node_modules"
+  done
 fi
 
 mkdir -p "$work"
@@ -108,5 +116,5 @@ case $kind in
       run
     fi
     ;;
-  spark | three) node --test --test-timeout=900000 --test-concurrency=1 "web/$kind"/test/*.test.js ;;
+  *) node --test --test-timeout=900000 --test-concurrency=1 "web/$kind"/test/*.test.js ;;
 esac

@@ -5,7 +5,7 @@ import {readFileSync} from 'node:fs';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
 import {launch, root, serve, work} from '../../test/browser.js';
-import {checkHiding, fidelities, madeCameras, openExample, rendered} from '../../test/engine-page.js';
+import {checkDisposal, checkHiding, fidelities, madeCameras, openExample, rendered} from '../../test/engine-page.js';
 
 const stream = join(work, 'short.l4d');
 const leastDb = 55;
@@ -199,19 +199,4 @@ test('both eyes of a headset, which have one order', async () => {
   }
 });
 
-test('what is disposed of is gone, with its workers', async () => {
-  const {lit, isThere} = await page.evaluate(async () => {
-    const {tools, example: {splats}} = /** @type {any} */ (globalThis);
-    const {rows} = splats.splats.painter.store;
-    tools.show(true, false);
-    splats.dispose();
-    tools.draw();
-    const pixels = new Uint8Array(4 * 320 * 240);
-    tools.gl.readPixels(0, 0, 320, 240, tools.gl.RGBA, tools.gl.UNSIGNED_BYTE, pixels);
-    return {lit: pixels.reduce((sum, v, k) => sum + (k % 4 === 3 ? 0 : v), 0), isThere: tools.gl.isTexture(rows)};
-  });
-  assert.equal(lit, 0);
-  assert.equal(isThere, false);
-  for (const worker of page.workers()) await new Promise(resolve => worker.once('close', resolve));
-  assert.deepEqual(page.errors, []);
-});
+test('what is disposed of is gone, with its workers', () => checkDisposal(page));
