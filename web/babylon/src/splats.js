@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+import '@babylonjs/core/Engines/AbstractEngine/abstractEngine.alpha.js';
+import '@babylonjs/core/Engines/AbstractEngine/abstractEngine.states.js';
+import '@babylonjs/core/Engines/Extensions/engine.alpha.js';
+import {Constants} from '@babylonjs/core/Engines/constants.js';
 import {Mesh} from '@babylonjs/core/Meshes/mesh.js';
 import {VertexData} from '@babylonjs/core/Meshes/mesh.vertexData.js';
 import {Splats} from 'l4dcodec-player/splats';
@@ -37,7 +41,14 @@ export class L4DSplats extends Mesh {
   /** In the place of what Babylon.js would draw. */
   render() {
     const scene = this.getScene(), engine = /** @type {any} */ (scene.getEngine());
+    engine.setAlphaMode(Constants.ALPHA_PREMULTIPLIED_PORTERDUFF);
+    engine.setAlphaEquation(Constants.ALPHA_EQUATION_ADD);
+    engine.setColorWrite(true);
+    if (engine.useReverseDepthBuffer) engine.setDepthFunctionToGreaterOrEqual();
+    else engine.setDepthFunctionToLessOrEqual();
+    engine.applyStates();
     this.splats.draw(engine._gl, {
+      isSet: true,
       modelView: this.getWorldMatrix().multiply(scene.getViewMatrix()).m, projection: scene.getProjectionMatrix().m,
       near: scene.activeCamera?.minZ ?? 0, isReversed: engine.useReverseDepthBuffer,
       isLinear: scene.imageProcessingConfiguration.applyByPostProcess

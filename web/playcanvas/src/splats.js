@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 import {Splats} from 'l4dcodec-player/splats';
-import {Entity, GAMMA_NONE, LAYERID_WORLD, Mat4, Vec3} from 'playcanvas';
+import {
+  BLENDEQUATION_ADD, BLENDMODE_ONE, BLENDMODE_ONE_MINUS_SRC_ALPHA, BlendState, DepthState, Entity, FUNC_LESSEQUAL, GAMMA_NONE, LAYERID_WORLD, Mat4, Vec3
+} from 'playcanvas';
+
+const blending = new BlendState(true, BLENDEQUATION_ADD, BLENDMODE_ONE, BLENDMODE_ONE_MINUS_SRC_ALPHA);
+const depth = new DepthState(FUNC_LESSEQUAL, false);
 
 /**
  * A stream in a scene: an entity, which is drawn after the opaque objects of its layer, hides what lies behind it and is hidden by
@@ -38,8 +43,11 @@ export class L4DSplats extends Entity {
     if (isTransparent || layer.id !== this.layer || !this.enabled || !this.isDescendantOf(this.app.root)) return;
     // As PlayCanvas sees meshes, without the scale of the camera.
     const view = new Mat4().setTRS(camera.entity.getPosition(), camera.entity.getRotation(), Vec3.ONE).invert();
-    this.splats.draw(this.app.graphicsDevice.gl, {
-      modelView: view.mul(this.getWorldTransform()).data, projection: camera.projectionMatrix.data,
+    const device = this.app.graphicsDevice;
+    device.setBlendState(blending);
+    device.setDepthState(depth);
+    this.splats.draw(device.gl, {
+      isSet: true, modelView: view.mul(this.getWorldTransform()).data, projection: camera.projectionMatrix.data,
       near: camera.nearClip, isLinear: camera.gammaCorrection === GAMMA_NONE
     });
   }

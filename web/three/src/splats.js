@@ -16,7 +16,9 @@ export class L4DSplats extends THREE.Mesh {
     // three.js itself draws nothing of it.
     const geometry = new THREE.BufferGeometry();
     geometry.setDrawRange(0, -1);
-    super(geometry, new THREE.MeshBasicMaterial({transparent: true, depthWrite: false}));
+    super(geometry, new THREE.MeshBasicMaterial({
+      transparent: true, depthWrite: false, blending: THREE.CustomBlending, blendSrc: THREE.OneFactor, blendDst: THREE.OneMinusSrcAlphaFactor
+    }));
     this.frustumCulled = false;
     this.splats = new Splats(source, options);
     /** Where pictures of several cameras take their order from; null: from the camera that draws. @type {any} */
@@ -43,8 +45,11 @@ export class L4DSplats extends THREE.Mesh {
 
   raycast() {}
 
-  /** @param {any} renderer @param {any} _scene @param {any} camera @param {any} _geometry @param {any} material */
-  onBeforeRender(renderer, _scene, camera, _geometry, material) {
+  /**
+   * three.js has set what the material says, and drawn nothing.
+   * @param {any} renderer @param {any} _scene @param {any} camera @param {any} _geometry @param {any} material
+   */
+  onAfterRender(renderer, _scene, camera, _geometry, material) {
     if (material !== this.material) return;  // of a pass that draws no colours
     const {frame} = renderer.info.render;
     // The cameras of an array draw one after the other in one frame.
@@ -56,7 +61,8 @@ export class L4DSplats extends THREE.Mesh {
     const target = renderer.getRenderTarget();
     // three.js turns colours into those of screens when it draws for these.
     const isLinear = target && !target.isXRRenderTarget && THREE.ColorManagement.workingColorSpace === THREE.LinearSRGBColorSpace;
-    this.splats.draw(renderer.getContext(), {...this.#view(camera), isLinear, isReversed: camera.reversedDepth === true}, this.sorted.views);
+    const view = {...this.#view(camera), isSet: true, isLinear, isReversed: camera.reversedDepth === true};
+    this.splats.draw(renderer.getContext(), view, this.sorted.views);
   }
 
   /** @param {any} camera */

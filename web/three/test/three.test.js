@@ -69,6 +69,8 @@ const drawn = async (how, seen) => page.evaluate(async ({camera, png, how}) => {
     position.applyMatrix4(splats.matrix);
     quaternion.premultiply(splats.quaternion);
   }
+  const {formats} = splats.splats.painter;
+  if (how === 'direct') formats.set(tools.gl, null);
   let target = null;
   if (how === 'linear') target = new THREE.WebGLRenderTarget(320, 240, {type: THREE.HalfFloatType, samples: 4});
   const pixels = await tools.picture(null, target);
@@ -76,15 +78,16 @@ const drawn = async (how, seen) => page.evaluate(async ({camera, png, how}) => {
     for (let k = 0; k < pixels.length; ++k) pixels[k] = 255 * new THREE.Color().setRGB(pixels[k] / 255, 0, 0).convertLinearToSRGB().r;
     target.dispose();
   }
+  formats.delete(tools.gl);
   splats.position.set(0, 0, 0);
   splats.rotation.set(0, 0, 0);
   splats.scale.setScalar(1);
   return tools.psnr(pixels, png);
 }, {camera: seen, png: rendered(stream, seen, 1.5, [320, 240]), how});
 
-test('the matrix of the object, and a target of linear light with samples', async () => {
+test('the matrix of the object, a target of linear light with samples, and one whose depth cannot be copied', async () => {
   // What shines through splats blends in linear light there, as that of other transparent objects does.
-  for (const [how, camera, least] of [['moved', madeCameras[1], leastDb], ['linear', madeCameras[2], 37]]) {
+  for (const [how, camera, least] of [['moved', madeCameras[1], leastDb], ['linear', madeCameras[2], 37], ['direct', madeCameras[1], 45]]) {
     const found = await drawn(how, camera);
     console.log(`${how}: ${found.toFixed(2)} dB`);
     assert.ok(found >= least, `${how}: ${found}`);
@@ -92,31 +95,34 @@ test('the matrix of the object, and a target of linear light with samples', asyn
 });
 
 test('the state that three.js remembers stays as it is', async () => {
-  const changed = await page.evaluate(async () => {
-    const {tools: {gl, draw}, example: {splats}} = /** @type {any} */ (globalThis);
-    const names = Object.keys(WebGL2RenderingContext).filter(name => /_BINDING|_MASK$|WRITEMASK|^UNPACK_|_TEXTURE$|PROGRAM$|^BLEND_|VIEWPORT|SCISSOR_BOX|CLEAR_VALUE|FUNC$|_TEST$|^BLEND$|CULL_FACE$/.test(name) &&
-      !/ATTRIB|COMPARE|BLOCK/.test(name));
-    const state = () => names.map(name => gl.getParameter(gl[name]));
-    const before = splats.onBeforeRender;
-    let found = null;
-    splats.onBeforeRender = (...given) => {
-      gl.enable(gl.STENCIL_TEST);
-      gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, true);
-      while (gl.getError());
-      const first = state();
-      before.apply(splats, given);
-      const second = state();
-      const equal = (a, b) => a === b || ArrayBuffer.isView(a) && a.every((v, k) => v === b[k]) || Array.isArray(a) && a.every((v, k) => v === b[k]);
-      found = names.filter((name, k) => !equal(first[k], second[k]));
-      gl.disable(gl.STENCIL_TEST);
-      gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
-    };
-    draw();
-    delete splats.onBeforeRender;
-    return {found, names: names.length};
-  });
-  console.log(`${changed.names} names of state`);
-  assert.deepEqual(changed.found, []);
+  for (const isSet of [true, false]) {
+    const {names, changed} = await page.evaluate(async isSet => {
+      const {tools: {gl, draw}, example: {splats: {splats}}} = /** @type {any} */ (globalThis);
+      const names = Object.keys(WebGL2RenderingContext).filter(name =>
+        /_BINDING|_MASK$|WRITEMASK|^UNPACK_(A|F|P|R|S|I)|^ACTIVE_TEXTURE$|PROGRAM$|^BLEND_|VIEWPORT|SCISSOR_BOX|CLEAR_VALUE|FUNC$|_TEST$|^BLEND$|CULL_FACE$/.test(name) &&
+        !/ATTRIB|COMPARE|BLOCK/.test(name));
+      const state = () => names.map(name => gl.getParameter(gl[name]));
+      const equal = (a, b) => a === b || (ArrayBuffer.isView(a) || Array.isArray(a)) && a.every((v, k) => v === b[k]);
+      let changed = null;
+      splats.draw = (context, view, views) => {
+        gl.enable(gl.STENCIL_TEST);
+        gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, true);
+        if (!isSet) gl.blendFunc(gl.ZERO, gl.DST_COLOR);
+        const before = state();
+        Object.getPrototypeOf(splats).draw.call(splats, context, {...view, isSet}, views);
+        const after = state();
+        changed = names.filter((_, k) => !equal(before[k], after[k]));
+        gl.disable(gl.STENCIL_TEST);
+        gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
+        if (!isSet) gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+      };
+      draw();
+      delete splats.draw;
+      return {names: names.length, changed};
+    }, isSet);
+    assert.ok(names > 50, `${names}`);
+    assert.deepEqual(changed, []);
+  }
 });
 
 test('a context that is lost and restored', async () => {

@@ -8,32 +8,37 @@ const unpacking = /** @type {const} */ (['UNPACK_ALIGNMENT', 'UNPACK_FLIP_Y_WEBG
                                         'UNPACK_IMAGE_HEIGHT', 'UNPACK_SKIP_PIXELS', 'UNPACK_SKIP_ROWS', 'UNPACK_SKIP_IMAGES']);
 const units = [0, 1, 2];  // that a painter uses
 
-/** Each way of setting a state, with what of it there is. @type {[string[], (gl: GL, ...values: any[]) => void][]} */
-const states = [
+/** @typedef {[string[], (gl: GL, ...values: any[]) => void][]} Ways of setting a state, with what of it there is */
+/** @type {Ways} */
+const bindings = [
   [['CURRENT_PROGRAM'], (gl, program) => gl.useProgram(program)],
   [['VERTEX_ARRAY_BINDING'], (gl, array) => gl.bindVertexArray(array)],
   [['ARRAY_BUFFER_BINDING'], (gl, buffer) => gl.bindBuffer(gl.ARRAY_BUFFER, buffer)],
   [['PIXEL_UNPACK_BUFFER_BINDING'], (gl, buffer) => gl.bindBuffer(gl.PIXEL_UNPACK_BUFFER, buffer)],
   [['DRAW_FRAMEBUFFER_BINDING'], (gl, frame) => gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, frame)],
   [['READ_FRAMEBUFFER_BINDING'], (gl, frame) => gl.bindFramebuffer(gl.READ_FRAMEBUFFER, frame)],
-  [['RENDERBUFFER_BINDING'], (gl, buffer) => gl.bindRenderbuffer(gl.RENDERBUFFER, buffer)],
+  [['RENDERBUFFER_BINDING'], (gl, buffer) => gl.bindRenderbuffer(gl.RENDERBUFFER, buffer)]
+];
+/** Browsers know these of no context without waiting for the process that draws. @type {Ways} */
+const settings = [
   [['BLEND_SRC_RGB', 'BLEND_DST_RGB', 'BLEND_SRC_ALPHA', 'BLEND_DST_ALPHA'], (gl, ...factors) => gl.blendFuncSeparate(.../** @type {[any, any, any, any]} */ (factors))],
   [['BLEND_EQUATION_RGB', 'BLEND_EQUATION_ALPHA'], (gl, color, alpha) => gl.blendEquationSeparate(color, alpha)],
   [['DEPTH_FUNC'], (gl, func) => gl.depthFunc(func)],
   [['DEPTH_WRITEMASK'], (gl, mask) => gl.depthMask(mask)],
-  [['COLOR_WRITEMASK'], (gl, mask) => gl.colorMask(.../** @type {[any, any, any, any]} */ (mask))],
-  [['COLOR_CLEAR_VALUE'], (gl, color) => gl.clearColor(.../** @type {[any, any, any, any]} */ ([...color]))]
+  [['COLOR_WRITEMASK'], (gl, mask) => gl.colorMask(.../** @type {[any, any, any, any]} */ (mask))]
 ];
 
 /**
  * Calls fn on a context that an engine has, too, which remembers what it set: all that a painter sets is as before
  * afterwards. For fn all is off and unpacking is as at first; framebuffers, viewport and scissor are the engine's.
- * @template T @param {GL} gl @param {() => T} fn @returns {T}
+ * @template T @param {GL} gl @param {() => T} fn
+ * @param {boolean} [setsAll] blending, depth and masks, too: for fn they are what a transparent object needs @returns {T}
  */
-export const keepState = (gl, fn) => {
+export const keepState = (gl, fn, setsAll = false) => {
   if (gl.isContextLost()) return fn();
   const constant = /** @type {any} */ (gl);
   const get = (/** @type {string} */ name) => gl.getParameter(constant[name]);
+  const states = setsAll ? [...bindings, ...settings] : bindings;
   const kept = states.map(([names]) => names.map(get));
   const isOn = switches.map(name => gl.isEnabled(gl[name]));
   const unpack = unpacking.map(get);
@@ -48,9 +53,11 @@ export const keepState = (gl, fn) => {
   for (const name of unpacking) gl.pixelStorei(gl[name], name === 'UNPACK_ALIGNMENT' ? 4 : 0);
   gl.bindBuffer(gl.PIXEL_UNPACK_BUFFER, null);
   gl.bindVertexArray(null);
-  gl.blendEquation(gl.FUNC_ADD);
-  gl.colorMask(true, true, true, true);
-  gl.depthMask(false);
+  if (setsAll) {
+    gl.blendEquation(gl.FUNC_ADD);
+    gl.colorMask(true, true, true, true);
+    gl.depthMask(false);
+  }
   try {
     return fn();
   } finally {

@@ -34,8 +34,7 @@ export class OverPainter extends Painter {
     const [x, y, width, height] = gl.getParameter(gl.VIEWPORT);
     const hasOwn = this.isFloat && this.#copyDepth(below, x, y, width, height);
     if (hasOwn) {
-      gl.clearColor(0, 0, 0, 0);
-      gl.clear(gl.COLOR_BUFFER_BIT);
+      gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 0]);
     } else {
       gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, below);
     }

@@ -11,6 +11,9 @@ import {SortedRows} from './sorted-rows.js';
  * @typedef {object} EngineView where from, and into what: the viewport of the framebuffer that is bound
  * @property {Matrix} modelView from the stream to the camera, which looks along -z or z, y up
  * @property {Matrix} projection of perspective @property {number} near its near plane
+ * @property {boolean} [isSet] the engine has set what depends on the material: blending of premultiplied alpha (one, one minus source
+ *   alpha), depth that is less or equal, or greater where it is reversed, which is not written, and no masks. Else it is read and put back,
+ *   for which a browser waits a millisecond (false)
  * @property {boolean} [isLinear] the framebuffer holds linear light (false)
  * @property {boolean} [isReversed] depth is greater where it is nearer (false)
  */
@@ -89,7 +92,7 @@ export class Splats extends SortedRows {
     const began = performance.now();
     const {painter} = this;
     if (gl.isContextLost() || !this.prepare() || !(painter instanceof OverPainter)) return;
-    keepState(gl, () => painter.drawOver((width, height) => cameraOf(view, width, height), this.order.streams, view));
+    keepState(gl, () => painter.drawOver((width, height) => cameraOf(view, width, height), this.order.streams, view), !view.isSet);
     this.finish(began);
   }
 
