@@ -157,7 +157,7 @@ test('both eyes of a headset, which have one order', async () => {
     globalThis.headset = new IWER.XRDevice(IWER.metaQuest3, {stereoEnabled: true, ipd: 0.5});
     headset.installRuntime({forceInstall: true});`);
   try {
-    const {eyes, sorts} = await second.evaluate(async camera => {
+    const {eyes, sorts, mesh} = await second.evaluate(async camera => {
       const {tools, headset, until, example} = /** @type {any} */ (globalThis);
       const {camera: head, movie, renderer: {xr}, renderer, splats: {splats}, draw} = example;
       tools.show(true, false);
@@ -173,25 +173,38 @@ test('both eyes of a headset, which have one order', async () => {
       renderer.setAnimationLoop(() => {
         sorts.push(0);
         draw();
-        if (!tools.isTaken || splats.drawn !== splats.wanted) return;
-        tools.eyes ??= xr.getCamera().cameras.map(({viewport: {x, y, width, height}}) => {
+        if (!tools.take || tools.isShown && splats.drawn !== splats.wanted) return;
+        tools.take(xr.getCamera().cameras.map(({viewport: {x, y, width, height}}) => {
           const pixels = new Uint8Array(4 * width * height);
           tools.gl.readPixels(x, y, width, height, tools.gl.RGBA, tools.gl.UNSIGNED_BYTE, pixels);
           return pixels;
-        });
+        }));
       });
+      const picture = () => new Promise(resolve => { tools.take = resolve; });
       await xr.setSession(await /** @type {any} */ (navigator).xr.requestSession('immersive-vr', {optionalFeatures: ['local-floor']}));
       movie.play();
       await until(() => movie.currentTime > 0.5, 'the movie');
       movie.pause();
       await tools.seek(1.5);
-      tools.isTaken = true;
-      await until(() => tools.eyes, 'a picture');
+      tools.eyes = await picture();
+      // A mesh before all splats.
+      tools.mesh = [];
+      example.mesh.position.set(5.5, -1.5, 3.2);
+      example.mesh.scale.setScalar(0.3);
+      for (const hasSplats of [false, true]) {
+        tools.show(hasSplats, true);
+        for (const pixels of await picture()) {
+          let green = 0;
+          for (let k = 0; k < pixels.length; k += 4) green += pixels[k] === 0 && pixels[k + 1] === 255 && pixels[k + 2] === 0 ? 1 : 0;
+          tools.mesh.push(green);
+        }
+      }
       const eyes = xr.getCamera().cameras.map(({matrixWorldInverse, projectionMatrix, viewport: {width, height}}) => (
         {view: matrixWorldInverse.elements, projection: projectionMatrix.elements, size: [width, height]}));
-      return {eyes, sorts};
+      return {eyes, sorts, mesh: tools.mesh};
     }, madeCameras[1]);
     assert.ok(sorts.length > 5 && Math.max(...sorts) === 1, `${sorts}`);
+    assert.ok(Math.min(...mesh) > 100 && mesh[0] === mesh[2] && mesh[1] === mesh[3], `the mesh in both eyes, without and with splats: ${mesh}`);
     const found = [];
     for (const [k, eye] of eyes.entries()) {
       const png = rendered(stream, cameraOf(eye), 1.5, eye.size);
@@ -203,6 +216,33 @@ test('both eyes of a headset, which have one order', async () => {
   } finally {
     await second.close();
   }
+});
+
+test('a movie that is given stays the caller\'s, and tells when there is something new', async () => {
+  const camera = madeCameras[1];
+  const found = await page.evaluate(async ({camera, png}) => {
+    const {tools, until, example: {L4DSplats, movie, scene, splats}} = /** @type {any} */ (globalThis);
+    const other = new L4DSplats(movie);
+    let changes = 0;
+    other.onchange = () => ++changes;
+    tools.show(false, false);
+    scene.add(other);
+    await other.load();
+    tools.look(camera, 320, 240);
+    await tools.seek(1.5);
+    tools.draw();
+    await until(() => other.splats.stats.rows === splats.splats.stats.rows, 'all rows');
+    do {
+      const before = changes;
+      tools.draw();
+      if (other.splats.drawn !== other.splats.wanted) await until(() => changes > before, 'an order');
+    } while (other.splats.drawn !== other.splats.wanted);
+    const psnr = await tools.psnr(tools.pixels(), png);
+    other.dispose();
+    return {psnr, isLeft: scene.children.includes(other), isOpen: !movie.disposed};
+  }, {camera, png: rendered(stream, camera, 1.5, [320, 240])});
+  assert.ok(found.psnr >= leastDb, `${found.psnr}`);
+  assert.deepEqual([found.isLeft, found.isOpen], [false, true]);
 });
 
 test('what is disposed of is gone, with its workers', () => checkDisposal(page));
