@@ -38,7 +38,7 @@ const complaints = (program, compiler = 'typescript') => {
 
 for (const compiler of compilers) test(`${compiler}: documents know <l4d-player>, its properties, events and attributes`, () => {
   assert.equal(complaints(`
-    import {open, View} from 'l4dcodec-player';
+    import {L4DPlayer, open, View} from 'l4dcodec-player';
     import {Splats} from 'l4dcodec-player/splats';
     const player = document.querySelector('l4d-player')!;
     const made = document.createElement('l4d-player');
@@ -46,6 +46,7 @@ for (const compiler of compilers) test(`${compiler}: documents know <l4d-player>
     const played: Promise<void> = player.play();
     player.src = 'scene.l4d';
     player.loop = !player.paused;
+    L4DPlayer.words = {pl: {play: 'Odtwórz'}};
     const loaded: Promise<void> = made.load(new Blob());
     const playback: 'once' | 'loop' | 'ping-pong' | null | undefined = player.movie?.info.presentation.playback;
     const show = async (view: View) => view.show(await open('scene.l4d'));

@@ -30,6 +30,7 @@ declare module './element.js' {
 /** Attributes of `<l4d-player>`. */
 export interface L4DPlayerAttributes {
   src?: string;
+  lang?: string;
   poster?: string;
   autoplay?: boolean;
   loop?: boolean;

@@ -8,8 +8,9 @@ import {Hotspots} from './hotspots.js';
 import {onKey} from './keys.js';
 import {canvasOf} from './picture.js';
 import {fill} from './template.js';
-import {clockText, describeError, describeLosses, liveTexts, overlayLines, parseLink, spokenTime} from './text.js';
+import {clockText, describeError, describeLosses, overlayLines, parseLink, spokenTime} from './text.js';
 import {View} from './view.js';
+import {addWords, changes, languageOf, Texts, watchLanguage, words} from './words.js';
 
 const idleSeconds = 2.5;
 const scrubSteps = 500;  // of the timeline, while it is dragged
@@ -18,12 +19,16 @@ const playbacks = /** @type {const} */ (['once', 'loop', 'ping-pong']);
 
 /**
  * `<l4d-player src poster autoplay loop preload="none" loading="lazy" controls="none" playback="once|loop|ping-pong|auto"
- * camera="orbit|fly" gestures="all|page|none" detail="auto|base|full" backend="webgl2|webgpu|auto" overlay>`, and what
+ * camera="orbit|fly" gestures="all|page|none" detail="auto|base|full" backend="webgl2|webgpu|auto" overlay lang>`, and what
  * attributes.js and camera-element.js read: a player with controls. Events: 'open' (the movie is its detail), 'error' (an Error),
  * 'backend' (which one draws), 'camera-change', and those of media elements. `movie` and `view` are those of the packages.
  */
 export class L4DPlayer extends CameraElement {
   static observedAttributes = ['src', 'poster', 'loop', 'playback', 'detail', 'camera', 'overlay', ...cameraAttributes];
+
+  /** Texts by language. Setting it adds texts or replaces them, and players show them at once. */
+  static get words() { return words; }
+  static set words(more) { addWords(more); }
 
   constructor() {
     super();
@@ -31,6 +36,7 @@ export class L4DPlayer extends CameraElement {
     fill(root);
     /** @type {(selector: string) => any} */
     this.$ = selector => root.querySelector(selector);
+    this.texts = new Texts('en');
     this.hotspots = new Hotspots(this, this.$('.spots'));
     this.loading = new AbortController();
     /** What load() was given last. @type {Parameters<typeof open>[0] | undefined} */
@@ -46,9 +52,13 @@ export class L4DPlayer extends CameraElement {
   }
 
   connectedCallback() {
+    this.#speak();
+    watchLanguage(this, this.languages);
     if (this.life) return;  // it was moved
     this.life = new AbortController();
     const {signal} = this.life;
+    changes.addEventListener('change', () => this.#speak(), {signal});
+    globalThis.addEventListener('languagechange', () => this.#speak(), {signal});
     this.upgradeProperties(cameraProperties);
     this.hotspots.read();
     document.addEventListener('visibilitychange', () => this.#hide(document.hidden), {signal});
@@ -57,6 +67,7 @@ export class L4DPlayer extends CameraElement {
     const timer = setInterval(() => this.#everySecond(), 500);
     signal.addEventListener('abort', () => {
       observer.disconnect();
+      this.languages.disconnect();
       clearInterval(timer);
     });
     const {movie} = this;
@@ -243,12 +254,12 @@ export class L4DPlayer extends CameraElement {
     movie.on('error', error => this.#showError(error));
     movie.on('grown', ({live}) => {
       this.#showEnd(movie);
-      if (!live) this.#say('The recording has ended');
+      if (!live) this.#say('complete');
     });
     movie.on('live', ({state}) => {
-      if (liveTexts[state]) this.#say(liveTexts[state]);
+      if (state === 'stale' || state === 'restarted') this.#say(state);
     });
-    movie.on('retry', () => this.#say('The connection is slow, trying again'));
+    movie.on('retry', () => this.#say('slowLink'));
     this.follow(movie);
     for (const type of ['durationchange', 'loadedmetadata']) this.tell(type);
     this.#fillMenu(movie);
@@ -279,7 +290,7 @@ export class L4DPlayer extends CameraElement {
     if (this.kept ? this.kept.plays : this.autoplay && !still) movie.play();
     else this.$('.big').hidden = false;
     this.kept = null;
-    this.#say(movie.live ? 'Ready, live' : `Ready, ${spokenTime(movie.duration)}`);
+    this.#say('ready', {what: movie.live ? this.texts.say('live') : spokenTime(movie.duration, this.texts)});
     this.dispatchEvent(new CustomEvent('open', {detail: movie}));
   }
 
@@ -321,7 +332,7 @@ export class L4DPlayer extends CameraElement {
   /** @param {number} rate */
   setRate(rate) {
     this.playbackRate = Math.min(Math.max(rate, 0.25), 4);
-    this.#say(`Speed ${this.playbackRate}`);
+    this.#say('rate', {rate: this.texts.number(this.playbackRate)});
   }
 
   /** Resolves when the first view is back. */
@@ -373,7 +384,7 @@ export class L4DPlayer extends CameraElement {
     on('.fullscreen', 'click', () => this.toggleFullscreen());
     on('.message button', 'click', () => void this.load(this.source));
     on('.link', 'click', () => {
-      void navigator.clipboard?.writeText(this.link).then(() => this.#say('Link copied'), () => {});
+      void navigator.clipboard?.writeText(this.link).then(() => this.#say('copied'), () => {});
     });
     const range = this.$('.track input');
     range.addEventListener('input', () => this.#scrub(Number(range.value)));
@@ -429,12 +440,17 @@ export class L4DPlayer extends CameraElement {
     const scrolls = this.#scrolls();
     if (this.getAttribute('gestures') === 'none') return false;
     if (event.type !== 'wheel' || !scrolls || event.ctrlKey || event.metaKey || this.matches(':focus-within')) return true;
+    this.#hint('zoomHint');
+    return false;
+  }
+
+  /** Shows for a moment what else to do. @param {import('./words.js').Word} word */
+  #hint(word) {
     const hint = this.$('.hint');
-    hint.textContent = 'Hold Ctrl to zoom, or click first';
+    hint.textContent = this.texts.say(word);
     hint.classList.add('on');
     clearTimeout(this.hintTimer);
     this.hintTimer = setTimeout(() => hint.classList.remove('on'), 1200);
-    return false;
   }
 
   /** @param {number} share of the duration */
@@ -496,16 +512,18 @@ export class L4DPlayer extends CameraElement {
     const levels = this.$('#level');
     levels.replaceChildren(...Array.from({length: movie.info.numLayers}, (_, k) => {
       const level = movie.info.numLayers - 1 - k;
-      const name = k === 0 ? 'All' : level === 0 ? 'Slow only' : `Up to level ${level}`;
-      return new Option(name, String(k === 0 ? 0xffffffff : level));
+      const option = new Option('', String(k === 0 ? 0xffffffff : level));
+      Object.assign(option.dataset, {text: k === 0 ? 'all' : level === 0 ? 'slow' : 'upTo', level});
+      return option;
     }));
+    this.texts.fill(levels);
     if (this.hasAttribute('detail')) this.#setDetail(this.getAttribute('detail') ?? 'auto');
     this.#showEnd(movie);
   }
 
   /** @param {import('l4dcodec').Movie} movie */
   #showEnd(movie) {
-    this.$('.end').textContent = movie.live ? 'live' : clockText(movie.duration);
+    this.$('.end').textContent = movie.live ? this.texts.say('live') : clockText(movie.duration);
     this.#showTime();
     this.#showProgress();
   }
@@ -517,7 +535,7 @@ export class L4DPlayer extends CameraElement {
     const share = movie.duration > 0 ? since / movie.duration : 0;
     const range = this.$('.track input');
     if (!this.scrubbing) range.value = String(share);
-    range.setAttribute('aria-valuetext', `${spokenTime(since)} of ${spokenTime(movie.duration)}`);
+    range.setAttribute('aria-valuetext', this.texts.say('of', {part: spokenTime(since, this.texts), whole: spokenTime(movie.duration, this.texts)}));
     this.$('.done').style.width = `${100 * share}%`;
     this.$('.now').textContent = clockText(since);
   }
@@ -535,13 +553,10 @@ export class L4DPlayer extends CameraElement {
 
   /** @param {string} type */
   #showState(type) {
-    const name = type === 'play' ? 'Pause' : type === 'ended' ? 'Play again' : 'Play';
-    const button = this.$('.play');
-    button.dataset.shows = type === 'play' ? 'pause' : type === 'ended' ? 'again' : 'play';
-    button.setAttribute('aria-label', name);
-    button.title = `${name} (space)`;
+    this.$('.play').dataset.label = type === 'play' ? 'pause' : type === 'ended' ? 'again' : 'play';
+    this.texts.fill(this.$('.row'));
     this.$('.big').hidden = true;
-    this.#say(type === 'play' ? 'Playing' : type === 'ended' ? 'The end' : 'Paused');
+    this.#say(type === 'play' ? 'playing' : type === 'ended' ? 'ended' : 'paused');
     this.#awake();
   }
 
@@ -549,14 +564,28 @@ export class L4DPlayer extends CameraElement {
   #showLosses({losses}) {
     const note = this.$('.note');
     note.hidden = losses.length === 0;
-    note.textContent = describeLosses(losses);
+    note.textContent = describeLosses(losses, this.texts);
   }
 
   /** @param {boolean} on */
   #busy(on) { this.$('.spinner').hidden = !on; }
 
-  /** @param {string} text */
-  #say(text) { this.$('.said').textContent = text; }
+  /** To screen readers. @param {import('./words.js').Word} word @param {Record<string, string>} [values] */
+  #say(word, values) { this.$('.said').textContent = this.texts.say(word, values); }
+
+  /** All texts, in the language of now. */
+  #speak() {
+    const {language} = this.texts = new Texts(languageOf(this));
+    const root = /** @type {ShadowRoot} */ (this.shadowRoot);
+    for (const part of root.children) /** @type {HTMLElement} */ (part).lang = language;
+    this.texts.fill(root);
+    if (!this.movie) return;
+    this.#showEnd(this.movie);
+    this.#showLosses(this.movie);
+    this.#everySecond();
+  }
+  /** Of the element and of those around it. */
+  languages = new MutationObserver(() => { if (languageOf(this) !== this.texts.language) this.#speak(); });
 
   /** @param {any} error */
   #showError(error) {
@@ -573,8 +602,9 @@ export class L4DPlayer extends CameraElement {
     const {title, text} = describeError(error);
     const box = this.$('.message');
     box.classList.toggle('over', true);
-    box.querySelector('b').textContent = title;
+    box.querySelector('b').dataset.text = title;
     box.querySelector('p').textContent = text;
+    this.texts.fill(box);
     box.hidden = false;
     this.$('.big').hidden = true;
     this.movie?.pause();
@@ -597,7 +627,7 @@ export class L4DPlayer extends CameraElement {
     const {frames} = this;
     frames.fps = 1000 * (view.stats.frames - frames.count) / Math.max(now - frames.since, 1);
     Object.assign(frames, {count: view.stats.frames, since: now});
-    this.$('.overlay').replaceChildren(...overlayLines(this.movie, view, frames.fps).flatMap(([name, value]) => {
+    this.$('.overlay').replaceChildren(...overlayLines(this.movie, view, frames.fps, this.texts).flatMap(([name, value]) => {
       const [term, description] = [document.createElement('dt'), document.createElement('dd')];
       term.textContent = name;
       description.textContent = value;

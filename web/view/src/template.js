@@ -73,7 +73,7 @@ button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px s
   backdrop-filter: blur(6px); transition: transform .15s, background .15s; }
 .big svg { width: 38px; height: 38px; }
 .play svg { display: none; }
-.play[data-shows=play] svg:nth-child(1), .play[data-shows=pause] svg:nth-child(2), .play[data-shows=again] svg:nth-child(3) { display: block; }
+.play[data-label=play] svg:nth-child(1), .play[data-label=pause] svg:nth-child(2), .play[data-label=again] svg:nth-child(3) { display: block; }
 .big:hover { transform: scale(1.06); background: rgb(30 38 48 / .72); }
 .spinner { position: absolute; inset: 0; margin: auto; width: 44px; height: 44px; border-radius: 50%; border: 3px solid rgb(255 255 255 / .2);
   border-top-color: #fff; animation: turn .9s linear infinite; pointer-events: none; }
@@ -137,40 +137,40 @@ const addStyle = root => {
   }
 };
 
-const html = `<canvas part="canvas" tabindex="0" role="application" aria-label="Scene. Drag to turn, arrow keys with Alt to turn, wheel or plus and minus to zoom, double click to look at a point."></canvas>
+const html = `<canvas part="canvas" tabindex="0" role="application" data-label="scene"></canvas>
 <img class="poster" part="poster" alt="" hidden>
 <slot name="fallback"></slot>
 <div class="spots"></div>
 <slot name="captions"></slot>
 <div class="spinner" role="presentation" hidden></div>
-<button class="big" part="big" aria-label="Play" tabindex="-1" aria-hidden="true" hidden>${icons.play}</button>
+<button class="big" part="big" data-label="play" tabindex="-1" aria-hidden="true" hidden>${icons.play}</button>
 <dl class="overlay" part="overlay" hidden></dl>
 <div class="shade"></div>
-<div class="bar" part="bar" role="group" aria-label="Player controls">
+<div class="bar" part="bar" role="group" data-label="controls">
   <div class="track" part="timeline">
     <div class="rail"></div><div class="spans"></div><div class="done"></div>
-    <input type="range" min="0" max="1" step="any" value="0" aria-label="Time">
+    <input type="range" min="0" max="1" step="any" value="0" data-label="time">
     <div class="hover" aria-hidden="true"></div>
   </div>
   <div class="row">
-    <button class="play" data-shows="play" aria-label="Play" title="Play (space)">${icons.play}${icons.pause}${icons.again}</button>
+    <button class="play" data-label="play" data-key="space">${icons.play}${icons.pause}${icons.again}</button>
     <span class="time"><span class="now">0:00.0</span> <span class="of">/ <span class="end">0:00.0</span></span></span>
     <span class="space"></span>
-    <button class="reset" aria-label="Show the whole scene" title="Show the whole scene (0)">${icons.home}</button>
-    <button class="settings" aria-label="Settings" title="Settings" aria-haspopup="true" aria-expanded="false">${icons.menu}</button>
-    <button class="fullscreen" aria-label="Full screen" title="Full screen (f)">${icons.full}</button>
+    <button class="reset" data-label="home" data-key="0">${icons.home}</button>
+    <button class="settings" data-label="settings" aria-haspopup="true" aria-expanded="false">${icons.menu}</button>
+    <button class="fullscreen" data-label="fullscreen" data-key="f">${icons.full}</button>
   </div>
 </div>
-<div class="menu" part="menu" role="group" aria-label="Settings" hidden>
-  <label for="detail">Detail</label><select id="detail"><option value="auto">Automatic</option><option value="full">Full</option><option value="base">Base colours</option></select>
-  <label for="level">Motion</label><select id="level"></select>
-  <label for="rate">Speed</label><select id="rate"><option>0.25</option><option>0.5</option><option selected>1</option><option>1.5</option><option>2</option><option>4</option></select>
-  <label for="mode">Camera</label><select id="mode"><option value="orbit">Orbit</option><option value="fly">Fly</option></select>
-  <label for="loop">Loop</label><input type="checkbox" id="loop">
-  <label for="numbers">Numbers</label><input type="checkbox" id="numbers">
-  <button class="link">Copy link to this view</button>
+<div class="menu" part="menu" role="group" data-label="settings" hidden>
+  <label for="detail" data-text="detail"></label><select id="detail"><option value="auto" data-text="auto"><option value="full" data-text="full"><option value="base" data-text="base"></select>
+  <label for="level" data-text="motion"></label><select id="level"></select>
+  <label for="rate" data-text="speed"></label><select id="rate"><option>0.25</option><option>0.5</option><option selected>1</option><option>1.5</option><option>2</option><option>4</option></select>
+  <label for="mode" data-text="camera"></label><select id="mode"><option value="orbit" data-text="orbit"><option value="fly" data-text="fly"></select>
+  <label for="loop" data-text="loop"></label><input type="checkbox" id="loop">
+  <label for="numbers" data-text="numbers"></label><input type="checkbox" id="numbers">
+  <button class="link" data-text="link"></button>
 </div>
-<div class="message" role="alert" hidden><b></b><p></p><button>Try again</button></div>
+<div class="message" role="alert" hidden><b></b><p></p><button data-text="retry"></button></div>
 <div class="note" part="note" role="status" hidden></div>
 <div class="hint" aria-hidden="true"></div>
 <div class="drop"></div>

@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import {test} from 'node:test';
 import {OrbitCamera} from '../src/camera.js';
 import {Sorter} from '../src/sorter.js';
-import {clockText, parseLink, spokenTime} from '../src/text.js';
+import {clockText, parseLink} from '../src/text.js';
 
 /** Rows at random; lambda 0: always visible. @param {number} count @param {number} lambda */
 const rowsOf = (count, lambda) => {
@@ -115,7 +115,6 @@ test('words', () => {
   assert.equal(clockText(62.54), '1:02.5');
   assert.equal(clockText(3600), '1:00:00.0');
   assert.equal(clockText(59.99), '1:00.0');
-  assert.equal(spokenTime(61), '1 minute 1 second');
   assert.deepEqual(parseLink('#t=1.5&cam=1,2'), {time: 1.5, camera: '1,2', player: undefined});
   assert.deepEqual(parseLink('#t=1&player=a%20b'), {time: 1, camera: undefined, player: 'a b'});
   assert.deepEqual(parseLink(''), {time: undefined, camera: undefined, player: undefined});
