@@ -153,6 +153,19 @@ export const opened = page => page.waitForFunction(() => {
   return player?.isOpen && player.shadowRoot.querySelector('.poster').classList.contains('gone');
 }, undefined, {timeout: 120000});
 
+/** Fingers that move in steps from one place to another. @param {any} page @param {number[][][]} ways of each finger: from and to */
+export const swipe = async (page, ways) => {
+  const session = await page.context().newCDPSession(page);
+  const at = (/** @type {number} */ step) => ways.map(([from, to], id) => {
+    const [x, y] = from.map((begin, axis) => begin + (to[axis] - begin) * step / 8);
+    return {id, x, y};
+  });
+  await session.send('Input.dispatchTouchEvent', {type: 'touchStart', touchPoints: at(0)});
+  for (let step = 1; step <= 8; ++step) await session.send('Input.dispatchTouchEvent', {type: 'touchMove', touchPoints: at(step)});
+  await session.send('Input.dispatchTouchEvent', {type: 'touchEnd', touchPoints: []});
+  await session.detach();
+};
+
 /**
  * Runs fn with a page of this body, which may not complain.
  * @param {any} browser @param {{url: string}} server @param {string} body @param {(page: any) => Promise<void>} fn

@@ -6,7 +6,7 @@ import {tmpdir} from 'node:os';
 import {join} from 'node:path';
 import {pathToFileURL} from 'node:url';
 import {after, before, test} from 'node:test';
-import {launch, newPage, opened, root, serve, work} from './browser.js';
+import {launch, newPage, opened, root, serve, swipe, work} from './browser.js';
 
 let browser, server;
 const poster = 'data:image/svg+xml,<svg xmlns="http://www.w3.org/2000/svg" width="16" height="9"><rect width="16" height="9" fill="teal"/></svg>';
@@ -265,6 +265,36 @@ test('in an article, the wheel and a finger scroll the page; with Ctrl, after a 
     await wheel();
     await page.waitForFunction(from => scrollY > from, at);
   }));
+
+test('a finger that scrolls the page past the player is shown a hint, and no other one is', () => withPage(
+  `<l4d-player src="scene.l4d" style="margin-top: 100px"></l4d-player><div style="height: 3000px"></div>`, async page => {
+    await opened(page);
+    const hint = () => page.evaluate(() => document.querySelector('l4d-player').shadowRoot.querySelector('.hint').textContent);
+    const camera = () => page.evaluate(() => String(document.querySelector('l4d-player').view.orbit));
+    const moved = (/** @type {string} */ before) =>
+      page.waitForFunction(was => String(document.querySelector('l4d-player').view.orbit) !== was, before);
+    let before = await camera();
+    await swipe(page, [[[150, 150], [250, 150]]]);
+    await moved(before);
+    before = await camera();
+    await swipe(page, [[[150, 150], [100, 160]], [[250, 150], [300, 140]]]);
+    await moved(before);
+    assert.deepEqual([await hint(), await page.evaluate(() => scrollY)], ['', 0]);
+    await swipe(page, [[[200, 200], [200, 120]]]);
+    await page.waitForFunction(() => scrollY > 20);
+    await shot(page, 'hint-touch');
+    assert.equal(await hint(), 'Two fingers move the camera');
+    await page.evaluate(() => {
+      const player = document.querySelector('l4d-player');
+      player.setAttribute('gestures', 'all');
+      player.shadowRoot.querySelector('.hint').textContent = '';
+      scrollTo(0, 0);
+    });
+    before = await camera();
+    await swipe(page, [[[200, 200], [200, 150]]]);
+    await moved(before);
+    assert.deepEqual([await hint(), await page.evaluate(() => scrollY)], ['', 0]);
+  }, {options: {hasTouch: true}}));
 
 /** What a player says and is that cannot load. @param {any} page */
 const failed = page => page.evaluate(async () => {

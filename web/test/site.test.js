@@ -5,7 +5,7 @@ import {execFileSync} from 'node:child_process';
 import {existsSync, mkdirSync, readdirSync, readFileSync, rmSync} from 'node:fs';
 import {join, relative} from 'node:path';
 import {after, before, test} from 'node:test';
-import {launch, newPage, serve, work} from './browser.js';
+import {launch, newPage, serve, swipe, work} from './browser.js';
 
 const root = process.env.L4D_ROOT, tool = process.env.L4D_TOOL, site = join(work, 'site'), data = join(work, 'site-data');
 const build = (folder, from) => execFileSync(
@@ -55,29 +55,18 @@ test('on a phone one finger turns the scene or scrolls the page, and two fingers
   try {
     await page.goto(server.url);
     await page.waitForFunction(() => document.querySelector('l4d-player').isOpen, undefined, {timeout: 120000});
-    const session = await page.context().newCDPSession(page);
-    /** Fingers that move in steps from one place to another. @param {number[][][]} ways of each finger: from and to */
-    const swipe = async ways => {
-      const at = step => ways.map(([from, to], id) => {
-        const [x, y] = from.map((begin, axis) => begin + (to[axis] - begin) * step / 8);
-        return {id, x, y};
-      });
-      await session.send('Input.dispatchTouchEvent', {type: 'touchStart', touchPoints: at(0)});
-      for (let step = 1; step <= 8; ++step) await session.send('Input.dispatchTouchEvent', {type: 'touchMove', touchPoints: at(step)});
-      await session.send('Input.dispatchTouchEvent', {type: 'touchEnd', touchPoints: []});
-    };
     const {x, y} = await page.evaluate(() => {
       const player = document.querySelector('l4d-player'), box = player.getBoundingClientRect();
       globalThis.before = player.getCameraOrbit();
       return {x: box.x + box.width / 2, y: box.y + box.height / 4};  // above the button in the middle
     });
-    await swipe([[[x - 60, y], [x + 60, y]]]);
+    await swipe(page, [[[x - 60, y], [x + 60, y]]]);
     await page.waitForFunction(() => Math.abs(document.querySelector('l4d-player').getCameraOrbit().theta - globalThis.before.theta) > 0.2);
     assert.equal(await page.evaluate(() => scrollY), 0);
-    await swipe([[[x - 20, y], [x - 80, y + 20]], [[x + 20, y], [x + 80, y - 20]]]);
+    await swipe(page, [[[x - 20, y], [x - 80, y + 20]], [[x + 20, y], [x + 80, y - 20]]]);
     await page.waitForFunction(() => document.querySelector('l4d-player').getCameraOrbit().radius < globalThis.before.radius * 0.7);
     assert.deepEqual(await page.evaluate(() => [scrollY, visualViewport.scale]), [0, 1]);
-    await swipe([[[x, y + 60], [x, y - 60]]]);
+    await swipe(page, [[[x, y + 60], [x, y - 60]]]);
     await page.waitForFunction(() => scrollY > 40);
     assert.deepEqual(page.errors, []);
   } finally {

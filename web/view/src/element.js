@@ -24,7 +24,7 @@ const playbacks = /** @type {const} */ (['once', 'loop', 'ping-pong']);
  * 'backend' (which one draws), 'camera-change', and those of media elements. `movie` and `view` are those of the packages.
  */
 export class L4DPlayer extends CameraElement {
-  static observedAttributes = ['src', 'poster', 'loop', 'playback', 'detail', 'camera', 'overlay', ...cameraAttributes];
+  static observedAttributes = ['src', 'poster', 'loop', 'playback', 'detail', 'camera', 'overlay', 'gestures', ...cameraAttributes];
 
   /** Texts by language. Setting it adds texts or replaces them, and players show them at once. */
   static get words() { return words; }
@@ -104,6 +104,7 @@ export class L4DPlayer extends CameraElement {
     if (name === 'detail' && value) this.#setDetail(value);
     if (name === 'camera') this.#setMode(value === 'fly' ? 'fly' : 'orbit');
     if (name === 'overlay') this.toggleOverlay(value !== null);
+    if (name === 'gestures') this.#scrolls();
     if (cameraAttributes.includes(name) && value !== before) this.aim.update(name);
   }
 
@@ -410,6 +411,10 @@ export class L4DPlayer extends CameraElement {
       const types = inner?.tagName === 'SELECT' || inner?.tagName === 'BUTTON' && e.key === ' ';
       if (types && e.key !== 'Escape') return;
       if (onKey(e, this)) e.preventDefault();
+    });
+    // The browser takes a finger that scrolls the page. The second one of two is not primary.
+    this.addEventListener('pointercancel', e => {
+      if (e.pointerType === 'touch' && e.isPrimary && !this.pointer?.pointers.size && this.hasAttribute('scrolls')) this.#hint('touchHint');
     });
     for (const type of ['pointermove', 'pointerdown', 'focusin']) this.addEventListener(type, () => this.#awake());
     this.addEventListener('dragover', e => { e.preventDefault(); this.toggleAttribute('dragging', true); });
