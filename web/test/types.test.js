@@ -46,6 +46,7 @@ for (const compiler of compilers) test(`${compiler}: documents know <l4d-player>
     const played: Promise<void> = player.play();
     player.src = 'scene.l4d';
     player.loop = !player.paused;
+    player.textTracks[0].mode = player.addTextTrack('captions', 'English', 'en').mode;
     L4DPlayer.words = {pl: {play: 'Odtwórz'}};
     const loaded: Promise<void> = made.load(new Blob());
     const playback: 'once' | 'loop' | 'ping-pong' | null | undefined = player.movie?.info.presentation.playback;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import {L4DError, open} from 'l4dcodec';
 import {openOptions} from './attributes.js';
+import {Captions} from './captions.js';
 import {CameraElement, cameraAttributes, cameraProperties} from './camera-element.js';
 import {PointerControls} from './controls.js';
 import {enter, hasRoom, leave} from './crowd.js';
@@ -38,6 +39,7 @@ export class L4DPlayer extends CameraElement {
     this.$ = selector => root.querySelector(selector);
     this.texts = new Texts('en');
     this.hotspots = new Hotspots(this, this.$('.spots'));
+    this.captions = new Captions(this);
     this.loading = new AbortController();
     /** What load() was given last. @type {Parameters<typeof open>[0] | undefined} */
     this.source = undefined;
@@ -61,6 +63,7 @@ export class L4DPlayer extends CameraElement {
     globalThis.addEventListener('languagechange', () => this.#speak(), {signal});
     this.upgradeProperties(cameraProperties);
     this.hotspots.read();
+    this.captions.read();
     document.addEventListener('visibilitychange', () => this.#hide(document.hidden), {signal});
     const observer = new IntersectionObserver(entries => this.#near(entries.at(-1)?.isIntersecting ?? true), {rootMargin: '100%'});
     observer.observe(this);
@@ -309,6 +312,7 @@ export class L4DPlayer extends CameraElement {
     if (!this.kept) this.hotspots.hide();
     this.movie?.dispose();
     this.movie = null;
+    this.captions.show();
     this.$('.big').hidden = true;
     this.$('.poster').classList.remove('gone');
     if (wasLoading) this.tell('abort');
@@ -359,6 +363,11 @@ export class L4DPlayer extends CameraElement {
     this.$('.settings').setAttribute('aria-expanded', String(on));
     if (on) this.$('#detail').focus();
   }
+
+  /** As of media elements, but for cues that are active: the player itself shows those of its time. */
+  get textTracks() { return this.captions.video.textTracks; }
+  /** @param {TextTrackKind} kind @param {string} [label] @param {string} [language] */
+  addTextTrack(kind, label, language) { return this.captions.video.addTextTrack(kind, label, language); }
 
   /** A link to this time and camera. */
   get link() {
@@ -543,6 +552,7 @@ export class L4DPlayer extends CameraElement {
     range.setAttribute('aria-valuetext', this.texts.say('of', {part: spokenTime(since, this.texts), whole: spokenTime(movie.duration, this.texts)}));
     this.$('.done').style.width = `${100 * share}%`;
     this.$('.now').textContent = clockText(since);
+    this.captions.show();
   }
 
   #showProgress() {
@@ -584,6 +594,7 @@ export class L4DPlayer extends CameraElement {
     const root = /** @type {ShadowRoot} */ (this.shadowRoot);
     for (const part of root.children) /** @type {HTMLElement} */ (part).lang = language;
     this.texts.fill(root);
+    this.captions.list();
     if (!this.movie) return;
     this.#showEnd(this.movie);
     this.#showLosses(this.movie);

@@ -37,7 +37,7 @@ export const onKey = (event, player) => {
     ',': () => { movie.pause(); by(-frame); }, '.': () => { movie.pause(); by(frame); },
     Home: () => player.seek(movie.timeBegin), End: () => player.seek(movie.live ? movie.startTime : movie.timeEnd),
     '<': () => player.setRate(movie.rate / 2), '>': () => player.setRate(movie.rate * 2),
-    f: () => player.toggleFullscreen(), i: () => player.toggleOverlay(), 0: () => player.home(),
+    c: () => player.captions.toggle(), f: () => player.toggleFullscreen(), i: () => player.toggleOverlay(), 0: () => player.home(),
     '+': () => steer(camera => camera.zoom(zoomStep)), '=': () => steer(camera => camera.zoom(zoomStep)),
     '-': () => steer(camera => camera.zoom(1 / zoomStep)),
     w: () => move(0, 0, 0.04), s: () => move(0, 0, -0.04), a: () => move(-0.04, 0, 0), d: () => move(0.04, 0, 0),

@@ -10,6 +10,7 @@ const icons = {
   again: icon('M12 5V1.5L7 6l5 4.5V7a5 5 0 1 1-5 5H5a7 7 0 1 0 7-7Z'),
   home: icon('M12 8.5a3.5 3.5 0 1 0 0 7 3.5 3.5 0 0 0 0-7ZM4 10V4h6v2H6v4H4Zm10-6h6v6h-2V6h-4V4ZM4 14h2v4h4v2H4v-6Zm14 4v-4h2v6h-6v-2h4Z'),
   menu: icon('M10.3 3.5h3.4l.5 2.4 1.6.9 2.3-.8 1.7 3-1.8 1.6v1.8l1.8 1.6-1.7 3-2.3-.8-1.6.9-.5 2.4h-3.4l-.5-2.4-1.6-.9-2.3.8-1.7-3L6 12.4v-1.8L4.2 9l1.7-3 2.3.8 1.6-.9.5-2.4ZM12 9a2.8 2.8 0 1 0 0 5.6A2.8 2.8 0 0 0 12 9Z'),
+  captions: icon('M4 5h16a1.5 1.5 0 0 1 1.5 1.5v11A1.5 1.5 0 0 1 20 19H4a1.5 1.5 0 0 1-1.5-1.5v-11A1.5 1.5 0 0 1 4 5Zm1.5 5.5v2h5v-2h-5Zm7 0v2h6v-2h-6Zm-7 4v2h7v-2h-7Zm9 0v2h4v-2h-4Z'),
   full: icon('M4 4h6v2H6v4H4V4Zm10 0h6v6h-2V6h-4V4ZM4 14h2v4h4v2H4v-6Zm14 0h2v6h-6v-2h4v-4Z')
 };
 
@@ -99,7 +100,11 @@ button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px s
 :host([dragging]) .drop { display: block; }
 .said { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); white-space: nowrap; }
 [hidden] { display: none !important; }
-::slotted([slot=captions]) { position: absolute; left: 8%; right: 8%; bottom: 78px; text-align: center; pointer-events: none; }
+.captions, ::slotted([slot=captions]) { position: absolute; left: 8%; right: 8%; bottom: 78px; text-align: center; pointer-events: none; }
+.captions { font-size: clamp(14px, 4.6cqmin, 28px); transition: bottom .25s; }
+.captions p { margin: 3px auto 0; width: fit-content; padding: 1px 8px; border-radius: 4px; background: rgb(0 0 0 / .74); white-space: pre-line; }
+:host([idle]) .captions, :host([controls=none]) .captions { bottom: 5%; }
+.cc[aria-pressed=true] { background: linear-gradient(var(--accent) 0 0) 50% calc(100% - 4px) / 22px 2px no-repeat; }
 @container (max-width: 460px) {
   .bar { padding: 0 6px 6px; } button { width: 44px; height: 44px; } .time .of { display: none; } .overlay { font-size: 11px; padding: 7px 9px; top: 8px; left: 8px; }
   .menu { right: 6px; bottom: 62px; } .big { width: 66px; height: 66px; }
@@ -112,7 +117,7 @@ button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px s
   .menu select { min-width: 0; width: 100%; padding: 4px 2px; } .menu .link { height: 30px; padding: 0; }
 }
 @media (pointer: coarse) { .bar button { width: 44px; height: 44px; } .track, .track input::-webkit-slider-runnable-track { height: 32px; }
-  .track .rail, .track .spans, .track .done { top: 14px; } .track input::-webkit-slider-thumb { margin-top: 9px; } }
+  .captions { bottom: 92px; } .track .rail, .track .spans, .track .done { top: 14px; } .track input::-webkit-slider-thumb { margin-top: 9px; } }
 @media (prefers-reduced-motion: reduce) { * { transition: none !important; } .spinner { animation-duration: 3s; } }
 `;
 
@@ -144,6 +149,7 @@ const html = `<canvas part="canvas" tabindex="0" role="application" data-label="
 <slot name="captions"></slot>
 <div class="spinner" role="presentation" hidden></div>
 <button class="big" part="big" data-label="play" tabindex="-1" aria-hidden="true" hidden>${icons.play}</button>
+<div class="captions" part="captions"></div>
 <dl class="overlay" part="overlay" hidden></dl>
 <div class="shade"></div>
 <div class="bar" part="bar" role="group" data-label="controls">
@@ -156,6 +162,7 @@ const html = `<canvas part="canvas" tabindex="0" role="application" data-label="
     <button class="play" data-label="play" data-key="space">${icons.play}${icons.pause}${icons.again}</button>
     <span class="time"><span class="now">0:00.0</span> <span class="of">/ <span class="end">0:00.0</span></span></span>
     <span class="space"></span>
+    <button class="cc" data-label="captions" data-key="c" aria-pressed="false" hidden>${icons.captions}</button>
     <button class="reset" data-label="home" data-key="0">${icons.home}</button>
     <button class="settings" data-label="settings" aria-haspopup="true" aria-expanded="false">${icons.menu}</button>
     <button class="fullscreen" data-label="fullscreen" data-key="f">${icons.full}</button>
@@ -166,6 +173,7 @@ const html = `<canvas part="canvas" tabindex="0" role="application" data-label="
   <label for="level" data-text="motion"></label><select id="level"></select>
   <label for="rate" data-text="speed"></label><select id="rate"><option>0.25</option><option>0.5</option><option selected>1</option><option>1.5</option><option>2</option><option>4</option></select>
   <label for="mode" data-text="camera"></label><select id="mode"><option value="orbit" data-text="orbit"><option value="fly" data-text="fly"></select>
+  <label for="captions" data-text="captions" hidden></label><select id="captions" hidden></select>
   <label for="loop" data-text="loop"></label><input type="checkbox" id="loop">
   <label for="numbers" data-text="numbers"></label><input type="checkbox" id="numbers">
   <button class="link" data-text="link"></button>

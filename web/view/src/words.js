@@ -4,7 +4,7 @@
 const en = {
   scene: 'Scene. Drag to turn, arrow keys with Alt to turn, wheel or plus and minus to zoom, double click to look at a point.',
   controls: 'Player controls', time: 'Time', play: 'Play', pause: 'Pause', again: 'Play again', space: 'space', home: 'Show the whole scene',
-  settings: 'Settings', fullscreen: 'Full screen', detail: 'Detail', auto: 'Automatic', full: 'Full', base: 'Base colours',
+  settings: 'Settings', fullscreen: 'Full screen', captions: 'Captions', off: 'Off', detail: 'Detail', auto: 'Automatic', full: 'Full', base: 'Base colours',
   motion: 'Motion', all: 'All', slow: 'Slow only', upTo: 'Up to level {level}', speed: 'Speed', camera: 'Camera', orbit: 'Orbit', fly: 'Fly',
   loop: 'Loop', numbers: 'Numbers', link: 'Copy link to this view', copied: 'Link copied', retry: 'Try again',
   zoomHint: 'Hold Ctrl to zoom, or click first', touchHint: 'Two fingers move the camera',
@@ -26,7 +26,7 @@ const en = {
 const de = {
   scene: 'Szene. Ziehen oder Pfeiltasten mit Alt drehen, Mausrad oder Plus und Minus zoomen, ein Doppelklick blickt auf einen Punkt.',
   controls: 'Steuerung', time: 'Zeit', play: 'Abspielen', pause: 'Pause', again: 'Noch einmal abspielen', space: 'Leertaste',
-  home: 'Ganze Szene zeigen', settings: 'Einstellungen', fullscreen: 'Vollbild', detail: 'Details', auto: 'Automatisch', full: 'Alle',
+  home: 'Ganze Szene zeigen', settings: 'Einstellungen', fullscreen: 'Vollbild', captions: 'Untertitel', off: 'Aus', detail: 'Details', auto: 'Automatisch', full: 'Alle',
   base: 'Grundfarben', motion: 'Bewegung', all: 'Alle', slow: 'Nur langsame', upTo: 'Bis Ebene {level}', speed: 'Tempo', camera: 'Kamera',
   orbit: 'Kreisen', fly: 'Fliegen', loop: 'Wiederholen', numbers: 'Messwerte', link: 'Link zu dieser Ansicht kopieren',
   copied: 'Link kopiert', retry: 'Erneut versuchen', zoomHint: 'Zum Zoomen Strg halten oder erst klicken',
@@ -49,7 +49,7 @@ const de = {
 const es = {
   scene: 'Escena. Arrastre o use las flechas con Alt para girar, la rueda o más y menos para acercar, doble clic para mirar un punto.',
   controls: 'Controles del reproductor', time: 'Tiempo', play: 'Reproducir', pause: 'Pausar', again: 'Reproducir de nuevo', space: 'espacio',
-  home: 'Mostrar toda la escena', settings: 'Ajustes', fullscreen: 'Pantalla completa', detail: 'Detalle', auto: 'Automático',
+  home: 'Mostrar toda la escena', settings: 'Ajustes', fullscreen: 'Pantalla completa', captions: 'Subtítulos', off: 'No', detail: 'Detalle', auto: 'Automático',
   full: 'Completo', base: 'Colores base', motion: 'Movimiento', all: 'Todo', slow: 'Solo lento', upTo: 'Hasta el nivel {level}',
   speed: 'Velocidad', camera: 'Cámara', orbit: 'Orbitar', fly: 'Volar', loop: 'Repetir', numbers: 'Datos',
   link: 'Copiar enlace a esta vista', copied: 'Enlace copiado', retry: 'Reintentar', zoomHint: 'Mantenga Ctrl para acercar, o haga clic primero',
@@ -72,7 +72,7 @@ const es = {
 const fr = {
   scene: 'Scène. Glissez ou utilisez les flèches avec Alt pour tourner, la molette ou plus et moins pour zoomer, double-cliquez pour viser un point.',
   controls: 'Commandes du lecteur', time: 'Temps', play: 'Lire', pause: 'Pause', again: 'Relire', space: 'espace',
-  home: 'Montrer toute la scène', settings: 'Réglages', fullscreen: 'Plein écran', detail: 'Détail', auto: 'Automatique', full: 'Complet',
+  home: 'Montrer toute la scène', settings: 'Réglages', fullscreen: 'Plein écran', captions: 'Sous-titres', off: 'Non', detail: 'Détail', auto: 'Automatique', full: 'Complet',
   base: 'Couleurs de base', motion: 'Mouvement', all: 'Tout', slow: 'Lent seulement', upTo: 'Jusqu’au niveau {level}', speed: 'Vitesse',
   camera: 'Caméra', orbit: 'Orbite', fly: 'Vol', loop: 'Boucle', numbers: 'Mesures', link: 'Copier le lien vers cette vue',
   copied: 'Lien copié', retry: 'Réessayer', zoomHint: 'Maintenez Ctrl pour zoomer, ou cliquez d’abord',
@@ -95,7 +95,7 @@ const fr = {
 const ja = {
   scene: 'シーン。ドラッグ、または Alt と矢印キーで回転、ホイール、またはプラスとマイナスでズーム、ダブルクリックでその点を見ます。',
   controls: 'プレーヤーの操作', time: '時間', play: '再生', pause: '一時停止', again: 'もう一度再生', space: 'スペース', home: 'シーン全体を表示',
-  settings: '設定', fullscreen: '全画面', detail: '詳細度', auto: '自動', full: '最大', base: '基本色のみ', motion: '動き', all: 'すべて',
+  settings: '設定', fullscreen: '全画面', captions: '字幕', off: 'オフ', detail: '詳細度', auto: '自動', full: '最大', base: '基本色のみ', motion: '動き', all: 'すべて',
   slow: 'ゆっくりのみ', upTo: 'レベル {level} まで', speed: '速度', camera: 'カメラ', orbit: '周回', fly: '飛行', loop: 'ループ', numbers: '数値を表示',
   link: 'この視点へのリンクをコピー', copied: 'リンクをコピーしました', retry: '再試行', zoomHint: 'ズームするには Ctrl を押すか、先にクリックします',
   touchHint: '2 本の指でカメラを動かせます',
@@ -117,7 +117,7 @@ const ja = {
 const zh = {
   scene: '场景。拖动或按 Alt 加方向键旋转，用滚轮或加减号缩放，双击注视该点。',
   controls: '播放器控件', time: '时间', play: '播放', pause: '暂停', again: '重新播放', space: '空格', home: '显示整个场景', settings: '设置',
-  fullscreen: '全屏', detail: '细节', auto: '自动', full: '完整', base: '仅基础颜色', motion: '运动', all: '全部', slow: '仅慢速', upTo: '至第 {level} 级',
+  fullscreen: '全屏', captions: '字幕', off: '关闭', detail: '细节', auto: '自动', full: '完整', base: '仅基础颜色', motion: '运动', all: '全部', slow: '仅慢速', upTo: '至第 {level} 级',
   speed: '速度', camera: '相机', orbit: '环绕', fly: '飞行', loop: '循环', numbers: '显示数据', link: '复制此视角的链接', copied: '链接已复制',
   retry: '重试', zoomHint: '按住 Ctrl 缩放，或先点击', touchHint: '用双指移动相机', ready: '就绪，{what}', live: '直播', playing: '正在播放', paused: '已暂停', ended: '结束',
   rate: '速度 {rate}', complete: '录制已结束', slowLink: '连接较慢，正在重试', stale: '已有一段时间没有新内容', restarted: '录制已重新开始',
