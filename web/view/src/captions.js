@@ -19,6 +19,8 @@ export class Captions {
     this.copies = new Map();
     /** That toggle() shows again. @type {TextTrack | undefined} */
     this.last = undefined;
+    /** Those that show again once the player is back. @type {TextTrack[]} */
+    this.resting = [];
     /** @type {TextTrackCue[]} */
     this.shown = [];
     new MutationObserver(() => this.read()).observe(player, {
@@ -58,6 +60,13 @@ export class Captions {
     this.video.append(copy);  // The browser shows it or not, by its attribute default and by what the reader prefers.
   }
 
+  /** While the player is in no page, nothing is shown: Chromium keeps a video with tracks that show in memory. @param {boolean} on */
+  rest(on) {
+    if (on) this.resting.push(...this.showing);
+    for (const track of this.resting) track.mode = on ? 'disabled' : 'showing';
+    if (!on) this.resting = [];
+  }
+
   /** Shows one alone, or none. @param {TextTrack} [wanted] */
   choose(wanted) {
     for (const track of this.tracks) track.mode = track === wanted ? 'showing' : 'disabled';
@@ -74,6 +83,7 @@ export class Captions {
   /** Fills the controls. */
   list() {
     const {player, tracks, showing: [on]} = this;
+    if (!player.isConnected) return this.rest(true);
     this.last = on ?? this.last;
     const names = new Intl.DisplayNames(player.texts.language, {type: 'language'});
     const nameOf = (/** @type {TextTrack} */ {label, language}) => {

@@ -64,6 +64,7 @@ export class L4DPlayer extends CameraElement {
     this.upgradeProperties(cameraProperties);
     this.hotspots.read();
     this.captions.read();
+    this.captions.rest(false);
     document.addEventListener('visibilitychange', () => this.#hide(document.hidden), {signal});
     const observer = new IntersectionObserver(entries => this.#near(entries.at(-1)?.isIntersecting ?? true), {rootMargin: '100%'});
     observer.observe(this);
@@ -85,6 +86,7 @@ export class L4DPlayer extends CameraElement {
       if (this.isConnected || !this.life) return;
       this.life.abort();
       this.life = null;
+      this.captions.rest(true);
       this.#keep();
       this.unload();
       this.#dropView();

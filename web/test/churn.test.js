@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// A page that opens and removes players, many times (L4D_CHURN, 20), as sites of one page do: nothing of them stays.
+import assert from 'node:assert/strict';
+import {join} from 'node:path';
+import {after, before, test} from 'node:test';
+import {launch, pageWith, serve, work} from './browser.js';
+
+const count = Number(process.env.L4D_CHURN ?? 20);
+let browser, server;
+before(async () => {
+  browser = await launch();
+  server = await serve({'frames.l4d': join(work, 'frames.l4d')});
+});
+after(async () => {
+  await browser?.close();
+  server?.close();
+});
+
+test(`${count} players that are opened, used and removed leave no memory, no node, no listener and no worker`, () => pageWith(
+  browser, server, '', async page => {
+    const session = await page.context().newCDPSession(page);
+    await session.send('Performance.enable');
+    const measure = async () => {
+      await session.send('HeapProfiler.collectGarbage');
+      const {metrics} = await session.send('Performance.getMetrics');
+      return Object.fromEntries(metrics.map(({name, value}) => [name, value]));
+    };
+    /** What is there once no worker is, and collections find no more. */
+    const settled = async () => {
+      await page.evaluate(() => new Promise(resolve => requestAnimationFrame(resolve)));
+      for (let last = await measure(), k = 0; ; ++k) {
+        const now = await measure();
+        if (page.workers().length === 0 && now.Nodes >= last.Nodes && now.JSHeapUsedSize > last.JSHeapUsedSize - 1e4 || k === 300) return now;
+        last = now;
+      }
+    };
+    const use = (/** @type {number} */ times) => page.evaluate(async times => {
+      for (let k = 0; k < times; ++k) {
+        document.body.innerHTML = `<l4d-player src="frames.l4d" auto-rotate lang="fr"><track kind="captions" srclang="en" default src="data:text/vtt,WEBVTT">
+          <button slot="hotspot-middle" data-position="0 0 0">Middle</button></l4d-player>`;
+        const player = document.querySelector('l4d-player');
+        await player.play();
+        player.toggleMenu(true);
+        player.toggleOverlay(true);
+        await player.movie.slice(0.5);
+        player.remove();
+        await null;
+      }
+      document.body.innerHTML = '';
+    }, times);
+    await use(Math.ceil(count / 4));
+    const first = await settled();
+    await use(count - Math.ceil(count / 4));
+    const last = await settled();
+    const grown = (/** @type {string} */ name) => last[name] - first[name];
+    console.log(`from ${first.JSHeapUsedSize} to ${last.JSHeapUsedSize} bytes`);
+    assert.equal(page.workers().length, 0);
+    assert.ok(grown('Nodes') < 50 && grown('JSEventListeners') < 20, `${grown('Nodes')} nodes, ${grown('JSEventListeners')} listeners`);
+    assert.ok(grown('JSHeapUsedSize') < 3e5, `from ${first.JSHeapUsedSize} to ${last.JSHeapUsedSize} bytes`);
+  }));
