@@ -8,7 +8,7 @@ import {chromium} from 'playwright-core';
 
 export const root = process.env.L4D_ROOT ?? new URL('../..', import.meta.url).pathname;
 export const work = process.env.L4D_WORK ?? join(root, 'build/release/web');
-const types = {'.html': 'text/html', '.js': 'text/javascript', '.vtt': 'text/vtt', '.wasm': 'application/wasm'};
+const types = {'.html': 'text/html', '.js': 'text/javascript', '.svg': 'image/svg+xml', '.vtt': 'text/vtt', '.wasm': 'application/wasm'};
 const sleep = ms => new Promise(resolve => setTimeout(resolve, ms));
 
 /**

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Captions of <l4d-player>: children <track>.
+// Children <track> of <l4d-player>: captions, and thumbnails of the timeline.
 import assert from 'node:assert/strict';
 import {mkdtempSync, rmSync, writeFileSync} from 'node:fs';
 import {tmpdir} from 'node:os';
@@ -10,7 +10,10 @@ import {launch, opened, pageWith, serve, work} from './browser.js';
 const folder = mkdtempSync(join(tmpdir(), 'l4dcaptions-'));
 const texts = {
   'en.vtt': 'WEBVTT\n\n00:01.000 --> 00:02.000\nThe <i>first</i> line\nand a second\n\n00:01.500 --> 00:03.000\nAnother <script>cue</script>\n',
-  'de.vtt': 'WEBVTT\n\n00:01.000 --> 00:03.000\nDie erste Zeile\n'
+  'de.vtt': 'WEBVTT\n\n00:01.000 --> 00:03.000\nDie erste Zeile\n',
+  'thumbs.vtt': `WEBVTT\n\n${[0, 1, 2, 3].map(k => `00:0${k}.000 --> 00:0${k + 1}.000\nsprite.svg#xywh=${160 * k},0,160,90\n`).join('\n')}`,
+  'sprite.svg': `<svg xmlns="http://www.w3.org/2000/svg" width="640" height="90">${['teal', 'navy', 'maroon', 'olive'].map((color, k) =>
+    `<rect x="${160 * k}" width="160" height="90" fill="${color}"/><circle cx="${160 * k + 80}" cy="45" r="${10 + 10 * k}" fill="white"/>`).join('')}</svg>`
 };
 let browser, server;
 before(async () => {
@@ -40,6 +43,7 @@ const shownAt = (page, time) => page.evaluate(async time => {
   await player.movie.seek(time);
   return [...player.shadowRoot.querySelectorAll('.captions p')].map(line => line.innerHTML);
 }, time);
+/** For screenshots that are looked at: L4D_SHOTS names a folder. @param {any} page @param {string} name */
 const shot = (page, name) => process.env.L4D_SHOTS ? page.screenshot({path: join(process.env.L4D_SHOTS, `${name}.png`)}) : undefined;
 
 test('the cues of a track are shown in their time, as text', () => withPage(body, async page => {
@@ -99,3 +103,46 @@ test('scripts have text tracks as of media elements; children come, change and g
   assert.deepEqual(found, [true, 0, false, 'not a tag', 1, 0, true]);
   assert.deepEqual(await shownAt(page, 2), ['made']);
 }, {errors: /404/}));
+
+const withThumbnails = '<l4d-player src="short.l4d"><track kind="metadata" label="thumbnails" src="thumbs.vtt"></l4d-player>';
+/** The colour in the middle of the thumbnail, the corners of its bubble, and its time. @param {any} page */
+const thumbnail = page => page.evaluate(async () => {
+  const {shadowRoot: root} = document.querySelector('l4d-player');
+  const [bubble, box, image] = ['.hover', '.thumb', '.thumb img'].map(selector => root.querySelector(selector));
+  if (getComputedStyle(bubble).visibility === 'hidden') return null;
+  await until(() => !box.hidden && image.complete, 'a thumbnail');
+  const [seen, whole] = [box.getBoundingClientRect(), image.getBoundingClientRect()];
+  const {left, right} = bubble.getBoundingClientRect();
+  return {cell: Math.round(100 * (seen.left - whole.left) / seen.width) / 100, size: [seen.width, seen.height], inside: left >= 0 && right <= innerWidth, time: bubble.textContent};
+});
+
+test('thumbnails of the timeline: under the pointer, within the player, and fetched for who points there', () => withPage(withThumbnails, async page => {
+  assert.ok(!server.names.includes('thumbs.vtt'));
+  const {x, y, width, height} = await page.locator('.track input').boundingBox();
+  const at = async (/** @type {number} */ share) => {
+    await page.mouse.move(x + share * width, y + height / 2);
+    return thumbnail(page);
+  };
+  assert.deepEqual(await at(0.4), {cell: 1, size: [160, 90], inside: true, time: '0:01.6'});
+  await shot(page, 'thumbnails');
+  assert.deepEqual(await at(0.002), {cell: 0, size: [160, 90], inside: true, time: '0:00.0'});
+  assert.deepEqual(await at(0.999), {cell: 3, size: [160, 90], inside: true, time: '0:04.0'});
+  await page.mouse.move(x, y - 60);
+  assert.equal(await thumbnail(page), null);
+}));
+
+test('thumbnails are there while a finger drags, and gone behind it', () => withPage(withThumbnails, async page => {
+  const {x, y, width, height} = await page.locator('.track input').boundingBox();
+  const session = await page.context().newCDPSession(page);
+  const touch = (/** @type {string} */ type, /** @type {number[]} */ ...shares) => session.send('Input.dispatchTouchEvent', {
+    type, touchPoints: shares.map(share => ({x: x + share * width, y: y + height / 2}))});
+  await touch('touchStart', 0.2);
+  await touch('touchMove', 0.5);
+  await touch('touchMove', 0.6);
+  const {cell, size, inside} = await thumbnail(page);
+  await shot(page, 'thumbnails-touch');
+  assert.deepEqual([cell, inside, Math.round(size[0])], [2, true, Math.round(0.4 * 304)]);
+  await touch('touchEnd');
+  await page.waitForFunction(() => !document.querySelector('l4d-player').scrubbing);
+  assert.equal(await thumbnail(page), null);
+}, {size: [320, 220], options: {hasTouch: true}}));

@@ -37,10 +37,12 @@ test(`${count} players that are opened, used and removed leave no memory, no nod
     const use = (/** @type {number} */ times) => page.evaluate(async times => {
       for (let k = 0; k < times; ++k) {
         document.body.innerHTML = `<l4d-player src="frames.l4d" auto-rotate lang="fr"><track kind="captions" srclang="en" default src="data:text/vtt,WEBVTT">
+          <track kind="metadata" label="thumbnails" src="data:text/vtt,WEBVTT">
           <button slot="hotspot-middle" data-position="0 0 0">Middle</button></l4d-player>`;
         const player = document.querySelector('l4d-player');
         await player.play();
         player.toggleMenu(true);
+        player.preview.show(0.5);
         player.toggleOverlay(true);
         await player.movie.slice(0.5);
         player.remove();

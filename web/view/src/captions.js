@@ -34,6 +34,9 @@ export class Captions {
   get tracks() { return [...this.video.textTracks].filter(isCaption); }
   get showing() { return this.tracks.filter(track => track.mode === 'showing'); }
 
+  /** What loads the cues of a child. @param {string} kind @param {string} label */
+  copyOf(kind, label) { return [...this.copies.values()].find(copy => copy.kind === kind && copy.label === label); }
+
   /** Children have come, gone or changed. */
   read() {
     this.video.crossOrigin = this.player.getAttribute('crossorigin') ?? 'anonymous';

@@ -8,6 +8,7 @@ import {enter, hasRoom, leave} from './crowd.js';
 import {Hotspots} from './hotspots.js';
 import {onKey} from './keys.js';
 import {canvasOf} from './picture.js';
+import {Preview} from './preview.js';
 import {fill} from './template.js';
 import {clockText, describeError, describeLosses, overlayLines, parseLink, spokenTime} from './text.js';
 import {View} from './view.js';
@@ -40,6 +41,7 @@ export class L4DPlayer extends CameraElement {
     this.texts = new Texts('en');
     this.hotspots = new Hotspots(this, this.$('.spots'));
     this.captions = new Captions(this);
+    this.preview = new Preview(this);
     this.loading = new AbortController();
     /** What load() was given last. @type {Parameters<typeof open>[0] | undefined} */
     this.source = undefined;
@@ -404,7 +406,6 @@ export class L4DPlayer extends CameraElement {
     range.addEventListener('keydown', (/** @type {KeyboardEvent} */ e) => {
       if (onKey(e, this)) { e.preventDefault(); e.stopPropagation(); }
     });
-    on('.track', 'pointermove', e => this.#hover(e));
     on('#detail', 'change', e => this.#setDetail(e.target.value));
     on('#level', 'change', e => { if (this.movie) this.movie.maxLevel = Number(e.target.value); });
     on('#rate', 'change', e => this.setRate(Number(e.target.value)));
@@ -479,6 +480,8 @@ export class L4DPlayer extends CameraElement {
       movie.pause();
     }
     this.scrubbed = movie.timeBegin + share * movie.duration;
+    this.$('.track').classList.add('scrubbed');
+    this.preview.show(share);
     // One picture after the other, in base colours; detail on release.
     this.seek(this.scrubbed, Math.max(movie.duration / scrubSteps, 1e-3));
   }
@@ -487,18 +490,9 @@ export class L4DPlayer extends CameraElement {
     const movie = this.movie;
     if (!movie || !this.scrubbing) return;
     this.scrubbing = false;
+    this.$('.track').classList.remove('scrubbed');
     this.seek(this.scrubbed);
     if (this.playedBefore) movie.play();
-  }
-
-  /** @param {PointerEvent} event */
-  #hover(event) {
-    if (!this.movie) return;
-    const box = this.$('.track').getBoundingClientRect();
-    const share = Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1);
-    const bubble = this.$('.hover');
-    bubble.textContent = clockText(share * this.movie.duration);
-    bubble.style.left = `${100 * share}%`;
   }
 
   /** @param {string} detail */

@@ -68,8 +68,10 @@ button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px s
   box-shadow: 0 1px 4px rgb(0 0 0 / .5); }
 .track input::-moz-range-thumb { width: 14px; height: 14px; border-radius: 50%; background: #fff; border: 0; }
 .hover { position: absolute; bottom: 24px; transform: translateX(-50%); padding: 2px 7px; border-radius: 5px; background: rgb(12 15 20 / .92);
-  font-variant-numeric: tabular-nums; pointer-events: none; visibility: hidden; }
-.track:hover .hover { visibility: visible; }
+  font-variant-numeric: tabular-nums; pointer-events: none; visibility: hidden; text-align: center; }
+.thumb { overflow: hidden; margin: 3px -3px 2px; border-radius: 3px; } .thumb img { display: block; transform-origin: 0 0; }
+.track.scrubbed .hover { visibility: visible; }
+@media (hover: hover) { .track:hover .hover { visibility: visible; } }
 .big { position: absolute; inset: 0; margin: auto; width: 76px; height: 76px; border-radius: 50%; background: rgb(12 15 20 / .6);
   backdrop-filter: blur(6px); transition: transform .15s, background .15s; }
 .big svg { width: 38px; height: 38px; }
@@ -156,7 +158,7 @@ const html = `<canvas part="canvas" tabindex="0" role="application" data-label="
   <div class="track" part="timeline">
     <div class="rail"></div><div class="spans"></div><div class="done"></div>
     <input type="range" min="0" max="1" step="any" value="0" data-label="time">
-    <div class="hover" aria-hidden="true"></div>
+    <div class="hover" aria-hidden="true"><div class="thumb" hidden><img alt=""></div><span></span></div>
   </div>
   <div class="row">
     <button class="play" data-label="play" data-key="space">${icons.play}${icons.pause}${icons.again}</button>
