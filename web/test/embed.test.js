@@ -12,7 +12,7 @@ let browser, server;
 const poster = 'data:image/svg+xml,<svg xmlns="http://www.w3.org/2000/svg" width="16" height="9"><rect width="16" height="9" fill="teal"/></svg>';
 before(async () => {
   browser = await launch();
-  server = await serve({'scene.l4d': join(work, 'short.l4d'), 'tiny.l4d': join(work, 'frames.l4d')});
+  server = await serve({'scene.l4d': join(work, 'short.l4d'), 'tiny.l4d': join(work, 'frames.l4d'), 'long.l4d': join(work, 'long.l4d')});
 });
 after(async () => {
   await browser?.close();
@@ -151,6 +151,45 @@ test('far below, with loading=lazy or preload=none, nothing is fetched until it 
     assert.ok(page.fetched() > before);
   }));
 
+test('with preload=metadata nothing but the head of the file is fetched until it is seen, played or sought', () => withPage(
+  `<div style="height: 2000px"></div>${'<l4d-player src="long.l4d" preload="metadata" cache="no-store"></l4d-player>'.repeat(3)}`, async page => {
+    const all = () => page.evaluate(() => [...document.querySelectorAll('l4d-player')].map(player => [player.duration, player.readyState, player.networkState,
+                                                                                                    player.isOpen, player.view === null]));
+    await page.evaluate(() => {
+      globalThis.players = [...document.querySelectorAll('l4d-player')];
+      globalThis.seen = [];
+      for (const type of ['loadedmetadata', 'loadeddata', 'seeking', 'seeked', 'playing']) players[1].addEventListener(type, () => seen.push(type));
+    });
+    await page.waitForFunction(() => players.every(player => player.readyState > 0));
+    assert.deepEqual(await all(), Array(3).fill([20, 1, 1, false, true]));
+    await sleep(300);  // nothing more comes
+    assert.deepEqual(server.requests.slice(-page.fetched()), Array(3).fill([0, 65536]));
+    // Sought, and played from there.
+    assert.deepEqual(await page.evaluate(async () => {
+      players[1].currentTime = 7;
+      const time = players[1].currentTime;
+      await players[1].opening;
+      return [time, players[1].currentTime, players[1].isOpen, players[0].isOpen];
+    }), [7, 7, true, false]);
+    await page.evaluate(() => players[1].play());
+    assert.deepEqual(await page.evaluate(() => seen.slice(-4)), ['seeking', 'loadeddata', 'seeked', 'playing']);
+    await page.evaluate(() => players[1].shadowRoot.querySelector('.play').click());
+    // One that is removed while it waits is gone, and a click plays another one.
+    await page.evaluate(() => {
+      players[2].remove();
+      players[0].shadowRoot.querySelector('.big').click();
+    });
+    await page.waitForFunction(() => !players[0].paused);
+    await page.evaluate(() => {
+      for (const player of players) player.remove();
+      document.body.append(players[2]);
+    });
+    assert.equal(await page.evaluate(() => players[2].movie), null);
+    await page.waitForFunction(() => players[2].readyState === 1);
+    await page.evaluate(() => players[2].scrollIntoView());
+    await page.waitForFunction(() => players[2].isOpen && players[2].paused);
+  }));
+
 test('20 players: none has a wrong error, all can be woken, and those that gave their context back keep their picture', () => withPage(
   '<l4d-player src="tiny.l4d" style="width: 240px; display: inline-block"></l4d-player>'.repeat(20), async page => {
     await page.waitForFunction(() => [...document.querySelectorAll('l4d-player')].filter(player => player.isOpen).length >= 8, undefined, {timeout: 90000});
@@ -284,16 +323,11 @@ test('a finger that scrolls the page past the player is shown a hint, and no oth
     await page.waitForFunction(() => scrollY > 20);
     await shot(page, 'hint-touch');
     assert.equal(await hint(), 'Two fingers move the camera');
-    await page.evaluate(() => {
+    assert.equal(await page.evaluate(() => {
       const player = document.querySelector('l4d-player');
       player.setAttribute('gestures', 'all');
-      player.shadowRoot.querySelector('.hint').textContent = '';
-      scrollTo(0, 0);
-    });
-    before = await camera();
-    await swipe(page, [[[200, 200], [200, 150]]]);
-    await moved(before);
-    assert.deepEqual([await hint(), await page.evaluate(() => scrollY)], ['', 0]);
+      return getComputedStyle(player.shadowRoot.querySelector('canvas')).touchAction;
+    }), 'none');
   }, {options: {hasTouch: true}}));
 
 /** What a player says and is that cannot load. @param {any} page */

@@ -64,7 +64,7 @@ for (const compiler of compilers) test(`${compiler}: documents know <l4d-player>
     const point: Promise<[number, number, number] | null> = player.queryPosition(1, 2);
     const picture: Promise<Blob> = player.toBlob({type: 'image/webp', width: 640});
     const state: number = player.buffered.end(0) + player.readyState + (player.error?.code ?? 0);
-    const attributes: JSX.IntrinsicElements['l4d-player'] = {src: 'a.l4d', loading: 'lazy', 'max-rows': 5, 'camera-orbit': '0deg 75deg 4m', 'auto-rotate': true};
+    const attributes: JSX.IntrinsicElements['l4d-player'] = {src: 'a.l4d', loading: 'lazy', preload: 'metadata', 'max-rows': 5, 'camera-orbit': '0deg 75deg 4m', 'auto-rotate': true};
     export {attributes, loaded, picture, playback, played, point, seconds, show, state, still};
   `, compiler), '');
   assert.match(complaints("document.querySelector('l4d-player')!.loop = 'yes'; import 'l4dcodec-player'; export {};", compiler),

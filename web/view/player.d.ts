@@ -35,7 +35,7 @@ export interface L4DPlayerAttributes {
   autoplay?: boolean;
   loop?: boolean;
   overlay?: boolean;
-  preload?: 'none' | 'auto';
+  preload?: 'none' | 'metadata' | 'auto';
   loading?: 'lazy' | 'eager';
   controls?: 'none';
   playback?: 'once' | 'loop' | 'ping-pong' | 'auto';

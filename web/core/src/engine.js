@@ -10,7 +10,7 @@ const events = {stream: 1, shown: 3, failed: 5, lost: 7, retry: 9, down: 10, up:
 const streams = {opening: 1, open: 2, degraded: 3, failed: 4};
 const motions = {paused: 0, playing: 1, waiting: 2, ended: 3};
 const commands = {play: 0, pause: 1, retry: 2, refresh: 3};
-const network = {all: 0, instant: 1};
+const network = {all: 0, instant: 1, metadata: 2};
 const outcomes = {ended: 0, failed: 1, forbidden: 2};
 /** By L4D_LIVE_*. */
 const lives = ['', 'on-time', 'behind', 'stale', 'restarted', 'ended'];
@@ -42,9 +42,9 @@ export class Engine {
   /**
    * @param {Decoder} decoder @param {import('./link.js').Link | import('./link.js').LocalLink} link
    * @param {string} url @param {(message: any, transfer?: Transferable[]) => void} post
-   * @param {{isPlaylist?: boolean, maxRows?: number, tolerant?: boolean}} [options]
+   * @param {{isPlaylist?: boolean, maxRows?: number, tolerant?: boolean, preload?: string}} [options]
    */
-  constructor(decoder, link, url, post, {isPlaylist = false, maxRows = 2 ** 21, tolerant = true} = {}) {
+  constructor(decoder, link, url, post, {isPlaylist = false, maxRows = 2 ** 21, tolerant = true, preload = 'auto'} = {}) {
     this.decoder = decoder;
     this.link = link;
     this.url = url;
@@ -52,6 +52,10 @@ export class Engine {
     this.isPlaylist = isPlaylist;
     this.tolerant = tolerant;
     this.mostRows = maxRows;
+    /** Whether pages are fetched: with preload 'metadata', once somebody seeks or plays. */
+    this.isFetching = preload !== 'metadata';
+    /** @type {Quality} */
+    this.quality = {};
     /** @type {import('./decoder.js').State} */
     this.state = /** @type {any} */ ({stream: 0, motion: 0, ready: 0, live: 0});
     this.turn = 0;  // of the last command of the page
@@ -128,6 +132,7 @@ export class Engine {
       this.held.clear();
       this.heldRows = 0;
     }
+    if (name === 'play') this.#fetch();
     this.decoder.call('command', clock(), commands[name]);
     this.soon();
   }
@@ -135,6 +140,7 @@ export class Engine {
   /** @param {number} time @param {number} id @param {number} [tolerance] seconds */
   seek(time, id, tolerance = 0) {
     this.hasFailed = false;
+    this.#fetch();
     // What the page knows is of another file than what would come.
     if (this.over) return this.#fail(this.over, id);
     this.decoder.call('seek', clock(), time, tolerance, id);
@@ -148,10 +154,18 @@ export class Engine {
   }
 
   /** @param {Quality} quality @param {boolean} [isFixed] shown as it is, and nothing less */
-  setQuality({maxLevel = all, maxTier = all, detail = details.full}, isFixed = this.link.isLocal) {
+  setQuality(quality, isFixed = this.link.isLocal) {
+    const {maxLevel = all, maxTier = all, detail = details.full} = this.quality = quality;
+    const mode = !this.isFetching ? network.metadata : this.isForSlices ? network.instant : network.all;
     // From memory all of it comes at once.
-    this.decoder.call('set_quality', clock(), maxLevel, maxTier, detail, isFixed ? 1 : 0, this.isForSlices ? network.instant : network.all);
+    this.decoder.call('set_quality', clock(), maxLevel, maxTier, detail, isFixed ? 1 : 0, mode);
     this.soon();
+  }
+
+  #fetch() {
+    if (this.isFetching) return;
+    this.isFetching = true;
+    this.setQuality(this.quality);
   }
   isForSlices = false;
 

@@ -52,6 +52,7 @@ import {inlined, startWorker, workerError} from './workers.js';
  * @property {number} [retries] how often a request is sent again that has failed (3)
  * @property {(string | URL)[]} [bases] addresses of folders with the same files, the first of which the source is relative to:
  *   what fails at one is sent to the next
+ * @property {'auto' | 'metadata'} [preload] metadata: reads header and directory, and no pages before a seek or play()
  * @property {boolean} [playlist] of several streams (whether the path of the URL ends with .m3u8)
  * @property {LiveOptions} [live] how a playlist that grows is followed
  * @property {string | URL} [wasmUrl] where l4d.wasm lies (beside this module)
@@ -218,13 +219,13 @@ export class Movie extends Emitter {
       transfer.push(source.buffer);
     } else if (from instanceof Blob) source.blob = from;
     else source.url = addressOf(from, bases[0]);
-    const {cacheBytes, maxRows, tolerant} = this.options;
+    const {cacheBytes, maxRows, tolerant, preload} = this.options;
     const wasm = this.options.wasmUrl ? undefined : inlined.wasm;
     const wasmUrl = wasm ? '' : addressOf(this.options.wasmUrl ?? new URL('./l4d.wasm', import.meta.url));
     const isPlaylist = source.url !== undefined &&
       (this.options.playlist ?? /\.m3u8$/i.test(new URL(source.url).pathname));
     const {playlist, ...info} = await this.#call('open', {
-      source, isPlaylist, wasm, wasmUrl, options: {cacheBytes, maxRows, tolerant, timeout, failures: retries + 1, live},
+      source, isPlaylist, wasm, wasmUrl, options: {cacheBytes, maxRows, tolerant, preload, timeout, failures: retries + 1, live},
       link: {headers, credentials, cache, bases}, asks: request !== undefined
     }, this.options.signal, transfer);
     this.info = info;
@@ -237,7 +238,7 @@ export class Movie extends Emitter {
       if (!playlist.live) this.firstTime = playlist.startTime;
     }
     this.#anchor(this.startTime);
-    this.#order('seek', {time: this.startTime, id: this.nextId++});
+    if (preload !== 'metadata') this.#order('seek', {time: this.startTime, id: this.nextId++});
   }
 
   get duration() { return this.info.duration; }

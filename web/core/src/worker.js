@@ -55,7 +55,7 @@ const answers = {
   async slice({time, options}, signal) {
     // The page hears what it loses; all else is of the page's own engine.
     slicer ??= makeEngine((/** @type {any} */ message) => { if (message.type === 'loss') post(message); },
-                          {slices: true, ahead: 0.5, cacheBytes: Math.min(options.cacheBytes ?? Infinity, slicerBytes)}).then(async made => {
+                          {slices: true, preload: 'auto', ahead: 0.5, cacheBytes: Math.min(options.cacheBytes ?? Infinity, slicerBytes)}).then(async made => {
       await made.open();
       return made;
     });

@@ -20,7 +20,7 @@ const lostSeconds = 3;  // that a context may be lost, before the player gives i
 const playbacks = /** @type {const} */ (['once', 'loop', 'ping-pong']);
 
 /**
- * `<l4d-player src poster autoplay loop preload="none" loading="lazy" controls="none" playback="once|loop|ping-pong|auto"
+ * `<l4d-player src poster autoplay loop preload="none|metadata" loading="lazy" controls="none" playback="once|loop|ping-pong|auto"
  * camera="orbit|fly" gestures="all|page|none" detail="auto|base|full" backend="webgl2|webgpu|auto" overlay lang>`, and what
  * attributes.js and camera-element.js read: a player with controls. Events: 'open' (the movie is its detail), 'error' (an Error),
  * 'backend' (which one draws), 'camera-change', and those of media elements. `movie` and `view` are those of the packages.
@@ -120,15 +120,19 @@ export class L4DPlayer extends CameraElement {
     const source = this.kept ? this.source : this.getAttribute('src');
     if (!source || this.opening || !this.life) return;
     this.isLazy = this.preload !== 'none' || this.autoplay;
-    if (this.isLazy && this.getAttribute('loading') !== 'lazy' && hasRoom()) return void this.load(source);
+    if (this.isLazy && this.getAttribute('loading') !== 'lazy' && (this.#isForMetadata || hasRoom())) return void this.#open(source);
     this.$('.big').hidden = false;
   }
+
+  /** Whether what it loads by itself ends behind the metadata. */
+  get #isForMetadata() { return this.preload === 'metadata' && !this.autoplay && !this.kept; }
 
   /** @param {boolean} isNear */
   #near(isNear) {
     this.isNear = isNear;
     this.#scrolls();
-    if (isNear && !this.opening && (this.isLazy || this.kept) && hasRoom()) void this.load(this.#again());
+    const source = this.#again();
+    if (isNear && !this.opening && (this.isLazy || this.kept) && source && (this.#isForMetadata || hasRoom())) void this.#open(source);
   }
 
   /** What a click, or being seen, loads. */
@@ -215,17 +219,20 @@ export class L4DPlayer extends CameraElement {
    * does; the player shows why.
    * @param {string | URL | Blob | ArrayBuffer | ArrayBufferView} [source] @returns {Promise<void>}
    */
-  load(source = this.getAttribute('src') ?? '') {
+  load(source = this.getAttribute('src') ?? '') { return this.#open(source, false); }
+
+  /** @param {Parameters<typeof open>[0]} source @param {boolean} [isForMetadata] waits behind them until pictures are wanted */
+  #open(source, isForMetadata = this.#isForMetadata) {
     if (source !== this.source) this.kept = null;
     this.unload();
     this.source = source;
-    const opening = this.opening = this.#load(source, this.loading.signal);
+    const opening = this.opening = this.#load(source, this.loading.signal, isForMetadata);
     opening.catch(() => {});  // shown, even if nobody waits for it
     return opening;
   }
 
-  /** @param {Parameters<typeof open>[0]} source @param {AbortSignal} signal */
-  async #load(source, signal) {
+  /** @param {Parameters<typeof open>[0]} source @param {AbortSignal} signal @param {boolean} isForMetadata */
+  async #load(source, signal, isForMetadata) {
     this.setError(null);
     this.isLazy = false;
     this.$('.message').hidden = true;
@@ -234,12 +241,21 @@ export class L4DPlayer extends CameraElement {
     try {
       if (source === '') throw new L4DError('INVALID_ARGUMENT', 'the player has no src');
       // What cannot be drawn is not fetched.
-      if (this.life) await this.#setView();
+      if (this.life && !isForMetadata) await this.#setView();
       signal.throwIfAborted();
-      const movie = await open(source, {...openOptions(this), signal});
+      const movie = await open(source, {...openOptions(this), signal, ...isForMetadata && {preload: 'metadata'}});
       if (signal.aborted) movie.dispose();
       signal.throwIfAborted();
       this.movie = movie;
+      this.#meet(movie);
+      if (isForMetadata) {
+        await this.#wanted();
+        signal.throwIfAborted();
+        this.$('.big').hidden = true;
+        this.#busy(true);
+        if (this.life) await this.#setView();
+        signal.throwIfAborted();
+      }
       await this.#begin(movie);
       signal.throwIfAborted();
       if (this.movie !== movie) throw this.error?.cause;
@@ -249,8 +265,19 @@ export class L4DPlayer extends CameraElement {
     }
   }
 
-  /** @param {import('l4dcodec').Movie} movie */
-  async #begin(movie) {
+  /** Resolves when somebody plays, seeks or sees it, or it ends. */
+  async #wanted() {
+    this.#busy(false);
+    this.$('.big').hidden = false;
+    const seen = new IntersectionObserver(entries => { if (entries.at(-1)?.isIntersecting && hasRoom()) this.wake?.(); });
+    seen.observe(this);
+    await new Promise(resolve => { this.wake = () => resolve(undefined); });
+    this.wake = null;
+    seen.disconnect();
+  }
+
+  /** Follows what has metadata by now. @param {import('l4dcodec').Movie} movie */
+  #meet(movie) {
     this.#setPlayback();
     movie.rate = this.rateWanted;
     movie.on('time', () => this.#showTime());
@@ -273,6 +300,10 @@ export class L4DPlayer extends CameraElement {
     this.#fillMenu(movie);
     movie.on('loss', () => this.#showLosses(movie));
     this.#showLosses(movie);
+  }
+
+  /** Shows the first picture. @param {import('l4dcodec').Movie} movie */
+  async #begin(movie) {
     await this.view?.show(movie);
     const link = this.#linkOfPage();
     const start = this.startAt === null ? movie.startTime : movie.timeBegin + this.startAt;
@@ -310,6 +341,7 @@ export class L4DPlayer extends CameraElement {
     this.isWaiting = false;
     this.seeks = 0;
     this.loading.abort();
+    this.wake?.();
     this.loading = new AbortController();
     this.view?.hide();
     this.aim.end();
@@ -325,7 +357,7 @@ export class L4DPlayer extends CameraElement {
 
   toggle() {
     if (!this.movie && !this.opening && this.#again() !== undefined) void this.load(this.#again());
-    if (!this.movie) return void this.play().catch(() => {});
+    if (!this.movie || this.wake) return void this.play().catch(() => {});
     if (this.movie.paused) this.movie.play();
     else this.movie.pause();
   }

@@ -39,6 +39,8 @@ export class MediaElement extends Base {
     this.seeks = 0;          // under way
     /** @type {{code: number, message: string, cause: any} | null} why nothing plays; the cause is an L4DError */
     this.error = null;
+    /** While it waits behind its metadata until pictures are wanted: they are. @type {(() => void) | null} */
+    this.wake = null;
     /** Seconds at which the next scene begins, where the page says so. @type {number | null} */
     this.startAt = null;
     this.rateWanted = 1;
@@ -113,8 +115,8 @@ export class MediaElement extends Base {
     if (on) this.removeAttribute('controls');
     else this.setAttribute('controls', 'none');
   }
-  /** 'none': nothing is fetched before play(). @returns {string} */
-  get preload() { return this.getAttribute('preload') === 'none' ? 'none' : 'auto'; }
+  /** 'none': nothing is fetched before play(); 'metadata': no pictures before that, or before it is seen. @returns {string} */
+  get preload() { return ['none', 'metadata'].find(preload => preload === this.getAttribute('preload')) ?? 'auto'; }
   set preload(preload) { this.setAttribute('preload', String(preload)); }
 
   /** @param {string} name */
@@ -123,7 +125,7 @@ export class MediaElement extends Base {
     return address && URL.canParse(address, document.baseURI) ? new URL(address, document.baseURI).href : address;
   }
 
-  get currentTime() { return this.movie ? this.movie.currentTime - this.movie.timeBegin : this.startAt ?? 0; }
+  get currentTime() { return this.startAt ?? (this.movie ? this.movie.currentTime - this.movie.timeBegin : 0); }
   set currentTime(time) {
     if (!Number.isFinite(time)) throw new TypeError(`a time is a finite number of seconds, not ${time}`);
     if (!this.isOpen) this.startAt = time;
@@ -141,7 +143,13 @@ export class MediaElement extends Base {
       this.seeks = 0;
       if (isShown) for (const type of ['timeupdate', 'seeked']) this.tell(type);
     };
-    movie.seek(time, {tolerance}).then(() => ended(true), () => ended(false));
+    if (this.wake) {
+      this.startAt = time - movie.timeBegin;
+      this.wake();
+      this.opening?.then(() => ended(true), () => ended(false));
+    } else {
+      movie.seek(time, {tolerance}).then(() => ended(true), () => ended(false));
+    }
   }
 
   get seeking() { return this.seeks > 0; }
@@ -164,7 +172,7 @@ export class MediaElement extends Base {
   /** NETWORK_EMPTY, NETWORK_IDLE, NETWORK_LOADING, NETWORK_NO_SOURCE: 0, 1, 2, 3 */
   get networkState() {
     const {movie} = this;
-    if (movie) return this.isWaiting || this.seeking || !this.isOpen ? 2 : 1;
+    if (movie) return this.isWaiting || this.seeking || !this.isOpen && !this.wake ? 2 : 1;
     return this.error ? 3 : this.opening ? 2 : 0;
   }
 
@@ -213,6 +221,7 @@ export class MediaElement extends Base {
   async play() {
     const plays = ++this.plays;
     if (!this.opening && this.getAttribute('src')) void this.load();
+    this.wake?.();
     await this.opening;
     if (plays !== this.plays) throw new DOMException('another play() or pause() came first', 'AbortError');
     if (!this.movie) throw new DOMException('no scene is open', 'InvalidStateError');
