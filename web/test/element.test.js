@@ -165,7 +165,7 @@ test('one button to play is in the order of the Tab key', () => withPage('<l4d-p
   assert.equal(await page.getByRole('button', {name: 'Play'}).count(), 1);
 }));
 
-for (const [width, height] of /** @type {[number, number][]} */ ([[380, 260], [390, 780]])) {
+for (const [width, height] of /** @type {[number, number][]} */ ([[380, 260], [640, 360], [390, 780]])) {
   test(`all of the menu is there at ${width} x ${height}`, () => withPage(
     `<l4d-player src="frames.l4d" id="p" lang="de"><track kind="captions" srclang="en"></l4d-player>`, async page => {
       await opened(page);

@@ -58,6 +58,7 @@ for (const compiler of compilers) test(`${compiler}: documents know <l4d-player>
     player.addEventListener('playing', event => { const type: string = event.type; void type; });
     player.options = {request: async ({url}) => ({url: url + '?signed'}), timeout: 3, bases: ['https://a.example/']};
     player.addEventListener('camera-change', ({detail}) => { const source: 'user-interaction' | 'automatic' | 'none' = detail.source; void source; });
+    player.addEventListener('enterpictureinpicture', ({pictureInPictureWindow}) => { const width: number = pictureInPictureWindow.width; void width; });
     player.cameraOrbit = String(made.getCameraOrbit());
     player.fieldOfView = null;
     player.autoRotate = made.getCameraTarget().x + made.getFieldOfView() > 0;

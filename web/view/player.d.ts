@@ -13,6 +13,8 @@ export interface L4DPlayerEventMap extends Omit<HTMLElementEventMap, 'error' | M
   open: CustomEvent<Movie>;
   error: CustomEvent<L4DError>;
   backend: CustomEvent<'webgl2' | 'webgpu'>;
+  enterpictureinpicture: PictureInPictureEvent;
+  leavepictureinpicture: PictureInPictureEvent;
   'camera-change': CustomEvent<{source: 'user-interaction' | 'automatic' | 'none'}>;
 }
 

@@ -4,6 +4,7 @@ import {Aim} from './aim.js';
 import {dot, madd, OrbitCamera, verticalFov} from './camera.js';
 import {MediaElement} from './media.js';
 import {pictureOf} from './picture.js';
+import {PictureInPicture} from './pip.js';
 import {degree} from './units.js';
 
 export const cameraAttributes = ['camera-orbit', 'camera-target', 'field-of-view', 'min-camera-orbit', 'max-camera-orbit',
@@ -18,10 +19,14 @@ export class CameraElement extends MediaElement {
     this.view = null;
     /** @type {import('./controls.js').PointerControls | null} */
     this.pointer = null;
-    this.isNear = true;  // less than its page's height from what is seen of the page
+    this.near = true;  // less than its page's height from what is seen of the page
+    this.pip = new PictureInPicture(this);
     this.aim = new Aim(this);
     this.seen = '';  // camera of the picture before
   }
+
+  /** Whether its picture is seen, or soon may be. */
+  get isNear() { return this.near || this.pip.isOn; }
 
   /** Of what the scene says; null: it does not. */
   get metresPerUnit() { return this.movie?.info.presentation.metresPerUnit ?? null; }
@@ -120,4 +125,7 @@ export class CameraElement extends MediaElement {
     if (!this.view || !this.isOpen) throw new DOMException('no scene is shown', 'InvalidStateError');
     return pictureOf(this.view, options);
   }
+
+  /** As of <video>: shows the picture in a window over others. @returns {Promise<PictureInPictureWindow>} */
+  requestPictureInPicture() { return this.pip.enter(); }
 }

@@ -8,6 +8,7 @@ import {enter, hasRoom, leave} from './crowd.js';
 import {Hotspots} from './hotspots.js';
 import {onKey} from './keys.js';
 import {canvasOf} from './picture.js';
+import {hasPictureInPicture} from './pip.js';
 import {Preview} from './preview.js';
 import {fill} from './template.js';
 import {clockText, describeError, describeLosses, overlayLines, parseLink, spokenTime} from './text.js';
@@ -129,7 +130,7 @@ export class L4DPlayer extends CameraElement {
 
   /** @param {boolean} isNear */
   #near(isNear) {
-    this.isNear = isNear;
+    this.near = isNear;
     this.#scrolls();
     const source = this.#again();
     if (isNear && !this.opening && (this.isLazy || this.kept) && source && (this.#isForMetadata || hasRoom())) void this.#open(source);
@@ -178,6 +179,7 @@ export class L4DPlayer extends CameraElement {
 
   #dropView() {
     leave(this);
+    this.pip.leave();
     this.pointer?.dispose();
     const gl = this.view?.gl;
     this.view?.dispose();
@@ -432,6 +434,8 @@ export class L4DPlayer extends CameraElement {
     on('.link', 'click', () => {
       void navigator.clipboard?.writeText(this.link).then(() => this.#say('copied'), () => {});
     });
+    this.$('.pip').hidden = !hasPictureInPicture();
+    on('.pip', 'click', () => void this.requestPictureInPicture().catch(() => {}));
     const range = this.$('.track input');
     range.addEventListener('input', () => this.#scrub(Number(range.value)));
     range.addEventListener('change', () => this.#endScrub());

@@ -89,7 +89,8 @@ button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px s
 .menu select { font: inherit; color: inherit; background: #2a323d; border: 1px solid #4b5666; border-radius: 6px; padding: 5px 8px; min-width: 108px; }
 .menu label { color: #d5dbe3; }
 .menu input[type=checkbox] { width: 18px; height: 18px; justify-self: end; accent-color: var(--accent); }
-.menu .link { grid-column: 1 / -1; width: auto; height: 34px; background: #2a323d; }
+.actions { grid-column: 1 / -1; display: flex; flex-flow: column; gap: 6px; }
+.actions button { flex: auto; width: auto; min-height: 30px; height: 34px; background: #2a323d; }
 .message { position: absolute; inset: 0; display: grid; place-content: center; justify-items: center; text-align: center; padding: 24px; gap: 12px; }
 .message.over { background: rgb(9 12 16 / .86); }
 :host([unsupported]) .message { inset: auto 0 0 0; padding: 12px; gap: 4px; }
@@ -114,9 +115,9 @@ button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px s
 @container (max-height: 200px) {
   .message { padding: 8px; gap: 6px; } .message b { font-size: 13px; } .message p { max-height: 4.2em; overflow: hidden; font-size: 11px; }
 }
-@container (max-height: 340px) {
+@container (max-height: 340px) or ((max-height: 450px) and (min-width: 380px)) {
   .menu { grid-template-columns: repeat(4, auto); padding: 8px 10px; gap: 6px 8px; max-height: calc(100% - 66px); }
-  .menu select { min-width: 0; width: 100%; padding: 4px 2px; } .menu .link { height: 30px; padding: 0; }
+  .menu select { min-width: 0; width: 100%; padding: 4px 2px; } .actions { flex-flow: wrap; } .actions button { height: 30px; padding: 0 8px; }
 }
 @media (pointer: coarse) { .bar button { width: 44px; height: 44px; } .track, .track input::-webkit-slider-runnable-track { height: 32px; }
   .captions { bottom: 92px; } .track .rail, .track .spans, .track .done { top: 14px; } .track input::-webkit-slider-thumb { margin-top: 9px; } }
@@ -178,7 +179,7 @@ const html = `<canvas part="canvas" tabindex="0" role="application" data-label="
   <label for="captions" data-text="captions" hidden></label><select id="captions" hidden></select>
   <label for="loop" data-text="loop"></label><input type="checkbox" id="loop">
   <label for="numbers" data-text="numbers"></label><input type="checkbox" id="numbers">
-  <button class="link" data-text="link"></button>
+  <div class="actions"><button class="link" data-text="link"></button><button class="pip" data-text="pip" hidden></button></div>
 </div>
 <div class="message" role="alert" hidden><b></b><p></p><button data-text="retry"></button></div>
 <div class="note" part="note" role="status" hidden></div>
