@@ -171,7 +171,11 @@ export const watchLanguage = (element, observer) => {
 /** The words and numbers of a language. */
 export class Texts {
   /** @param {string} language */
-  constructor(language) { this.language = language; }
+  constructor(language) {
+    this.language = language;
+    /** By options: they are slow to make, and the time changes with each frame. @type {Map<string, Intl.NumberFormat>} */
+    this.formats = new Map();
+  }
 
   /** @param {Word} word @param {Record<string, string | number | undefined>} [values] */
   say(word, values = {}) {
@@ -179,7 +183,12 @@ export class Texts {
   }
 
   /** @param {number} value @param {Intl.NumberFormatOptions} [options] */
-  number(value, options) { return value.toLocaleString(this.language, options); }
+  number(value, options = {}) {
+    const key = JSON.stringify(options);
+    const format = this.formats.get(key) ?? new Intl.NumberFormat(this.language, options);
+    this.formats.set(key, format);
+    return format.format(value);
+  }
 
   /** Fills what an element and those in it say: `data-text` and `data-label` are words, other data their values, `data-key` does the same.
    *  @param {ParentNode} root */
