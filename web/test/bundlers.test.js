@@ -2,11 +2,12 @@
 // What bundlers make of the packages, in Chromium. L4D_BUNDLERS=all, as ./dev web sets it; otherwise esbuild alone.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
-import {mkdirSync, mkdtempSync, rmSync, writeFileSync} from 'node:fs';
+import {mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync} from 'node:fs';
 import {createRequire} from 'node:module';
 import {tmpdir} from 'node:os';
 import {join, relative} from 'node:path';
 import {after, before, test} from 'node:test';
+import {gzipSync} from 'node:zlib';
 import {launch, newPage, opened, serve, work} from './browser.js';
 
 const root = process.env.L4D_ROOT ?? new URL('../..', import.meta.url).pathname;
@@ -101,4 +102,9 @@ test('l4d-player.js alone, from another origin, with a content security policy',
     server.close();
     cdn.close();
   }
+});
+
+test('player.js takes at most 50 kB with gzip', () => {
+  const {length} = gzipSync(readFileSync(join(root, 'build/web/player/player.js')), {level: 9});
+  assert.ok(length <= 50_000, `${length} bytes`);
 });
