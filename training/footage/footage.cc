@@ -80,7 +80,8 @@ io::Image middle_of(Clip* clip) {
   return read(facts.width, facts.height);
 }
 
-// The rate that most have, without the noise of rounded times; the frames of others have their times.
+// The rate that most have, without the noise of rounded times; the frames of others have their
+// times.
 double usual_rate(const std::vector<Clip>& clips) {
   std::vector<double> rates;
   for (const Clip& clip : clips) rates.push_back(clip.facts.fps);
@@ -137,6 +138,27 @@ fs::path find_places(const fs::path& work, const FootageOptions& options, const 
   colmap({"mapper", "--database_path", database, "--image_path", images, "--output_path",
           models.string(), "--Mapper.num_threads", threads});
   return models;
+}
+
+// Of few cameras the one in the middle tests: one at the edge sees what no other does.
+void choose_test(io::CameraSet* set) {
+  constexpr size_t kFew = 16;
+  if (set->cameras.size() >= kFew) return io::split_for_tests(*set);
+  double least = 0;
+  io::Camera* middle = nullptr;
+  for (io::Camera& camera : set->cameras) {
+    camera.split = "train";
+    double sum = 0, own[3], other[3];
+    camera_center(camera.camera, own);
+    for (const io::Camera& another : set->cameras) {
+      camera_center(another.camera, other);
+      sum += std::hypot(own[0] - other[0], own[1] - other[1], own[2] - other[2]);
+    }
+    if (middle != nullptr && sum >= least) continue;
+    least = sum;
+    middle = &camera;
+  }
+  middle->split = "test";
 }
 
 // Removes a folder that did not become a capture.
@@ -223,7 +245,7 @@ FootageReport make_capture(const std::string& footage, const std::string& out,
   }
   set.fps = usual_rate(clips);
   set.frames = shortest(clips, set.fps);
-  io::split_for_tests(set);
+  choose_test(&set);
   const std::string file = (made.path() / "cameras.json").string();
   io::write_cameras(file, set);
   fs::create_directory(made.path() / "sparse");

@@ -87,7 +87,7 @@ TEST_F(Footage, BecomesACapture) {
   EXPECT_EQ(capture.frames, 12U);
   EXPECT_EQ(capture.fps, 10);
   EXPECT_EQ(capture.points.size(), 1U);
-  EXPECT_EQ(capture.cameras[0].split, "test");
+  for (size_t k = 0; k < 4; ++k) EXPECT_EQ(capture.cameras[k].split, k == 1 ? "test" : "train");
   EXPECT_EQ(fs::path(capture.cameras[3].source.video).filename(), "phone.MOV");
   EXPECT_EQ(capture.cameras[3].source.camera.fx, 60);
   EXPECT_EQ(capture.cameras[3].source.camera.world_to_camera[3], 0.2);
