@@ -31,7 +31,7 @@ sys.stdout.buffer.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBB
   sed "s|\"images\"|\"mask\": \"mask$pixels.png\", \"images\"|g" set/c.json > set/masked$pixels.json
 done
 expect_document 0 compare s.ply s.ply --cameras set/masked12.json --ids 0 --frames 1 --images
-expect_json out 'd["psnr_a_db"] == 100 and d["ssim_a"] == 1'
+expect_json out 'd["psnr_a_db"] > 54 and d["ssim_a"] > 0.999'
 expect 4 compare s.ply s.ply --cameras set/masked0.json --ids 0 --frames 1 --images
 expect_text err 'camera 0: by its mask, set/mask0.png, none of its pixels counts$'
 expect 0 render s.ply --cameras set/c.json --scale 0.5 -f -o set/cam0/small.png
