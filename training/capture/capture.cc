@@ -248,8 +248,12 @@ Capture read_layout(const std::string& path, const CaptureOptions& options) {
   std::vector<std::string> tables = files_like(place, "", ".toml");
   if (tables.empty() && is_folder) tables = files_like(place / "calibration", "", ".toml");
   if (tables.size() == 1) return read_toml_capture(tables[0], options);
-  // Another name for cameras.json, as `l4dtrain sync -o` writes them.
-  if (!is_folder && place.extension() == ".json") return read_cameras_capture(path, options);
+  // Another name for cameras.json, as `l4dtrain sync -o` writes them; transforms_val.json and its
+  // like are parts of a capture.
+  const bool is_part = place.filename().string().rfind("transforms", 0) == 0;
+  if (!is_folder && place.extension() == ".json" && !is_part) {
+    return read_cameras_capture(path, options);
+  }
   throw Error(L4D_ERR_FEATURE_UNSUPPORTED,
               path +
                   ": no layout of captures that is known: none of cameras.json, "
