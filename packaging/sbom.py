@@ -52,6 +52,7 @@ def looked_for():
         text = file.read_text()
         names.update(re.findall(r"find_package\((\w+)", text))
         names.update(re.findall(r"pkg_check_modules\(\w+ [^)]*IMPORTED_TARGET (\w+)", text))
+        names.update(re.findall(r"find_path\(\w+ ([\w+]+)/", text))
         names.update(re.findall(r"find_program\(\w+ (flatc)", text))
     return names
 
