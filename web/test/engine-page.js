@@ -36,7 +36,7 @@ export const rendered = (stream, camera, time, [width, height]) => {
 
 /**
  * The example with a stream, which draws on request.
- * @param {any} browser @param {string} url @param {() => void} [engine] in the page: makes `tools`, what its engine does its own way
+ * @param {any} browser @param {string} url @param {() => void | Promise<void>} [engine] in the page: makes `tools`, what its engine does its own way
  * @param {string} [script] that runs before
  */
 export const openExample = async (browser, url, engine = threeTools, script = '') => {
@@ -116,7 +116,7 @@ export const checkDisposal = async page => {
 
 /**
  * Tests of an adapter that has what is its own in its engine alone.
- * @param {string} folder of its page @param {string} name @param {() => void} engine in the page: what it does its own way
+ * @param {string} folder of its page @param {string} name @param {() => void | Promise<void>} engine in the page: what it does its own way
  */
 export const testEngine = (folder, name, engine) => {
   const stream = join(work, 'short.l4d');
