@@ -44,6 +44,10 @@ void add_scores(CLI::App* verb, Arguments& a) {
       ->type_name("N")
       ->transform(number_or_all)
       ->capture_default_str();
+  verb->add_option("--background", a.background,
+                   "black, white: behind renders and images with alpha, where they are compared")
+      ->check(CLI::IsMember({"black", "white"}))
+      ->capture_default_str();
   verb->add_option(
           "--lpips", a.run.lpips,
           "Also report LPIPS, with the weights in this .safetensors file: AlexNet or VGG16")

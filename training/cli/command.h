@@ -32,7 +32,7 @@ struct Arguments {
   RunOptions run;
   std::string limit_memory, host_memory = "8G", device_memory = "auto", bucket_memory = "8G";
   std::string cache_limit = "64G";
-  std::string near = "auto", opacity_weight = "auto";
+  std::string near = "auto", opacity_weight = "auto", background = "black";
   std::string sheet;
   std::string cameras_out;  // of the cameras with their clocks; "" = none
   std::string folder;       // of a run that is evaluated, or for a capture that is rendered

@@ -255,6 +255,7 @@ int run_verb(const CLI::App& app, Arguments& a) {
   if (app.got_subcommand("sync")) return run_sync(a, terminal);
   if (app.got_subcommand("capture")) return run_capture(a, terminal);
   RunReport report;
+  if (a.background == "white") a.run.background = {1, 1, 1};
   if (app.got_subcommand("train")) {
     a.run.settings.host_memory = bytes_of("--host-memory", a.host_memory);
     a.run.may_shrink_images = app.get_subcommand("train")->count("--host-memory") == 0;

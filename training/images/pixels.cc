@@ -126,7 +126,7 @@ Pixels halved(const Pixels& in) {
   return out;
 }
 
-io::Image image_of(const Pixels& pixels, const float* background) {
+io::Image image_of(const Pixels& pixels, const Colour& background) {
   io::Image image(pixels.width, pixels.height);
   io::from_bytes(pixels.rgb.data(), pixels.rgb.size(), image.rgb.data());
   for (size_t i = 0; i < pixels.alpha.size(); ++i) {

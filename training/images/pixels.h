@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -24,7 +25,8 @@ l4d_camera scaled_camera(const l4d_camera& camera, double scale);
 Pixels resized(const io::Image& image, const std::vector<float>& alpha, uint32_t width,
                uint32_t height);
 Pixels halved(const Pixels& pixels);  // 2 x 2 pixels become one; a last odd one is left out
-io::Image image_of(const Pixels& pixels, const float* background /* [3] */);
+using Colour = std::array<float, 3>;  // red, green, blue
+io::Image image_of(const Pixels& pixels, const Colour& background);
 
 // From images of a distorted camera to those of the pinhole camera of the same numbers.
 class Undistortion {

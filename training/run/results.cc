@@ -28,8 +28,8 @@ class EncodeObserver : public eval::Observer {
 Score score(const RunParts& parts, const char* split, const RenderView& render) {
   return score_views(parts.capture, *parts.loader,
                      views_to_score(parts.capture, split, parts.options.scored_instants),
-                     parts.lpips.get(), parts.options.threads, render,
-                     [&] { return parts.observer->cancelled(); });
+                     Scorer(parts.lpips.get(), parts.options.background), parts.options.threads,
+                     render, [&] { return parts.observer->cancelled(); });
 }
 
 void encode(const io::Scene& scene, RunParts* parts, RunReport* report) {
@@ -51,7 +51,7 @@ void encode(const io::Scene& scene, RunParts* parts, RunReport* report) {
   parts->write("scene.l4d", made.encoding.stream);
   report->stream_bytes = made.encoding.stream.size();
   if (made.refit) report->stream_fidelity = made.refit->checked();
-  StreamViews views(stream, parts->capture, *parts->loader,
+  StreamViews views(stream, parts->capture, *parts->loader, parts->options.background,
                     rendering_of(parts->settings, parts->options.threads));
   const auto render = [&](uint32_t view) { return views.render(view); };
   io::write_png(parts->file("stream.png"), parts->sample().beside(parts->trainer.get(), render));
@@ -82,6 +82,7 @@ RunReport write_results(RunParts* parts, Steps* steps) {
 
   RunReport report = describe_capture(parts->capture, *parts->loader);
   report.settings = parts->settings;
+  report.background = parts->options.background;
   report.gaussians = model.count;
   if (parts->settings.backend == "cuda") report.devices = devices_of(parts->settings.devices);
   steps->describe(&report);

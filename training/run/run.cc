@@ -53,6 +53,7 @@ class Run {
     parts_.trainer = std::make_unique<Trainer>(settings_, capture_, *parts_.loader, parts_.instants,
                                                parts_.store.get(), parts_.backend.get(),
                                                options_.threads, parts_.residence.get());
+    parts_.trainer->set_background(options_.background);
     settings_.opacity_weight = opacity_weight_of(settings_, parts_.trainer->has_alpha());
     parts_.times.begin(kStart);
     Steps steps(&parts_);
@@ -159,7 +160,7 @@ class Run {
         make_image_store(*parts_.loader, parts_.instants, store, progress("reading images"));
     const auto sample = [&](const char* split) {
       return std::make_unique<Sample>(capture_, *parts_.loader, split, kSampleViews,
-                                      options_.threads);
+                                      options_.background, options_.threads);
     };
     parts_.train_sample = sample("train");
     parts_.test_sample = sample("test");

@@ -275,6 +275,19 @@ TEST(Scores, MasksScoreByTheirOwnPixels) {
   EXPECT_GT(scorer.score().psnr_affine, 60);  // one colour becomes another one
 }
 
+// Images with alpha are compared on a background.
+TEST(Scores, AreThoseOnABackground) {
+  const Pixels captured{16, 16, std::vector<uint8_t>(size_t{3} * 256, 0),
+                        std::vector<uint8_t>(256, 0)};
+  io::Image white(16, 16);
+  std::fill(white.rgb.begin(), white.rgb.end(), 1.0F);
+  Scorer on_black, on_white(nullptr, {1, 1, 1});
+  on_black.add(captured, {}, white, 1);
+  on_white.add(captured, {}, white, 1);
+  EXPECT_EQ(on_black.score().plain.psnr, 0);
+  EXPECT_GT(on_white.score().plain.psnr, 100);
+}
+
 // A render whose colours are an affine map of the captured ones is as good as these.
 TEST(Scores, FitColours) {
   constexpr uint32_t kWidth = 300, kHeight = 170;  // several pieces of sums

@@ -90,7 +90,7 @@ class GroupTest : public testing::Test {
   double psnr(Backend* backend) const {
     const float black[3] = {0, 0, 0};
     return score_views(
-               capture_, loader_, views_to_score(capture_, "train", 5), nullptr, 1,
+               capture_, loader_, views_to_score(capture_, "train", 5), Scorer(), 1,
                [&](uint32_t view) {
                  const CaptureView& v = capture_.views[view];
                  return backend->render(loader_.camera(v.camera), v.time, black);

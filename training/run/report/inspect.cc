@@ -99,7 +99,7 @@ void write_sheet(const std::string& path, const std::map<uint32_t, Pixels>& imag
   const size_t columns = std::min(kColumns, views.size());
   const size_t rows = (views.size() + columns - 1) / columns;
   io::Image sheet(static_cast<uint32_t>(columns * width), static_cast<uint32_t>(rows * height));
-  constexpr float kGrey[3] = {0.5f, 0.5f, 0.5f};
+  constexpr Colour kGrey = {0.5F, 0.5F, 0.5F};
   for (size_t k = 0; k < views.size(); ++k) {
     const io::Image image = image_of(images.at(views[k]), kGrey);
     const size_t left = k % columns * width, top = k / columns * height;

@@ -91,6 +91,7 @@ std::string json_of(const RunReport& r) {
             {"gaussians", r.gaussians},
             {"training_s", r.training_seconds},
             {"total_s", r.total_seconds},
+            {"background", r.background},
             {"train", object_of(r.train, r.lpips)},
             {"test", object_of(r.test, r.lpips)}};
   if (r.steps > 0) {
@@ -117,10 +118,11 @@ std::string json_of(const RunReport& r) {
 }
 
 StreamViews::StreamViews(const std::string& path, const Capture& capture, const ImageLoader& loader,
-                         const l4d_renderer_options& rendering)
+                         const Colour& background, const l4d_renderer_options& rendering)
     : capture_(capture), loader_(loader), renderer_(&rendering) {
   decoder_.open_file(path);
   renderer_.set_decoder(decoder_);
+  renderer_.set_background(background);
 }
 
 io::Image StreamViews::render(uint32_t view) {
@@ -190,24 +192,25 @@ RunReport evaluate_run(const std::string& folder, const std::string& moved,
   backend->load(model_of(scene), capture.timeline());
   RunReport report = describe_capture(capture, loader);
   report.settings = settings;
+  report.background = options.background;
   report.gaussians = scene.count();
   report.notes = capture.notes;
   if (lpips) report.lpips = lpips->network();
-  constexpr float kBlack[3] = {0, 0, 0};
   const auto score = [&](const char* split, const RenderView& render) {
     return score_views(capture, loader, views_to_score(capture, split, options.scored_instants),
-                       lpips.get(), options.threads, render, [&] { return observer->cancelled(); });
+                       Scorer(lpips.get(), options.background), options.threads, render,
+                       [&] { return observer->cancelled(); });
   };
   const auto render = [&](uint32_t view) {
     const CaptureView& v = capture.views[view];
-    return backend->render(loader.camera(v.camera), v.time, kBlack);
+    return backend->render(loader.camera(v.camera), v.time, options.background.data());
   };
   observer->update(0, 0, "comparing with the captured images");
   report.train = score("train", render);
   report.test = score("test", render);
   if (!fs::exists(file("scene.l4d"), error)) return report;
   report.stream_bytes = fs::file_size(file("scene.l4d"), error);
-  StreamViews views(file("scene.l4d"), capture, loader, rendering);
+  StreamViews views(file("scene.l4d"), capture, loader, options.background, rendering);
   const auto render_stream = [&](uint32_t view) { return views.render(view); };
   report.stream_train = score("train", render_stream);
   report.stream_test = score("test", render_stream);

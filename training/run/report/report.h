@@ -15,8 +15,8 @@ namespace l4d::train {
 std::string json_of(const RunReport& report);
 
 // Scores the scene of a run, and its stream if there is one, against its capture. moved: where the
-// capture is now, or "" where it is as the run has it. Of the options, lpips, scored_instants and
-// threads count.
+// capture is now, or "" where it is as the run has it. Of the options, lpips, background,
+// scored_instants and threads count.
 RunReport evaluate_run(const std::string& folder, const std::string& moved,
                        const RunOptions& options, RunObserver* observer);
 
@@ -36,7 +36,7 @@ std::optional<Settings> settings_in(const std::string& folder);
 class StreamViews {
  public:
   StreamViews(const std::string& path, const Capture& capture, const ImageLoader& loader,
-              const l4d_renderer_options& rendering);
+              const Colour& background, const l4d_renderer_options& rendering);
   io::Image render(uint32_t view);
 
  private:

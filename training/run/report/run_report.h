@@ -27,6 +27,7 @@ struct RunReport {
   double total_seconds = 0;
   std::array<double, kParts> seconds{};  // of parts, since the last resume
   MemoryUse memory;
+  Colour background{};  // on which scores are, where images have alpha
   Score train, test;
   uint64_t stream_bytes = 0;                           // 0: none
   std::optional<eval::CheckedStream> stream_fidelity;  // against the scene

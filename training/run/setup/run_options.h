@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string>
 
+#include "training/images/pixels.h"
 #include "training/run/setup/settings.h"
 
 namespace l4d::train {
@@ -15,6 +16,7 @@ struct RunOptions {
   std::string preset;             // of the encoder; "" = no stream
   std::string lpips;              // file of weights, to report LPIPS; "" = it is not reported
   uint32_t scored_instants = 15;  // at the end, at most, of each split; 0 = all
+  Colour background{};            // behind renders and images with alpha that are compared
   std::string cache;              // folder of FrameCache; "" = none
   uint64_t cache_bytes = uint64_t{64} << 30;  // at most
   bool resume = false;

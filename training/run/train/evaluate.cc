@@ -139,8 +139,7 @@ std::vector<uint32_t> views_to_watch(const Capture& capture, const char* split, 
 
 void Scorer::add(const Pixels& pixels, const std::vector<uint8_t>& mask, io::Image rendered,
                  uint32_t threads) {
-  constexpr float kBlack[3] = {0, 0, 0};
-  const io::Image captured = io::masked(image_of(pixels, kBlack), mask);
+  const io::Image captured = io::masked(image_of(pixels, background_), mask);
   rendered = io::masked(std::move(rendered), mask);
   const bool has_ssim = std::min(captured.width, captured.height) >= kMinSsimSize;
   sum_.add(io::mse(captured, rendered, mask),
@@ -159,9 +158,8 @@ Score Scorer::score() const {
 }
 
 Score score_views(const Capture& capture, const ImageLoader& loader,
-                  const std::vector<uint32_t>& views, const eval::Lpips* lpips, uint32_t threads,
+                  const std::vector<uint32_t>& views, Scorer scorer, uint32_t threads,
                   const RenderView& render, const IsCancelled& cancelled) {
-  Scorer scorer(lpips);
   // Whole cameras follow each other, so that a video is not opened for each of its frames.
   std::vector<uint32_t> order = views;
   std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {

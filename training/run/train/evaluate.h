@@ -26,12 +26,13 @@ struct Score {
   double lpips = 0;  // mean over views; of Scorer's network, if it has one
 };
 
-// Adds views up. Images are compared on black, by the pixels that the mask of a camera leaves;
-// LPIPS sees black elsewhere. SSIM is NaN for images of less than 11 pixels.
+// Adds views up. Images with alpha are compared on a background, by the pixels that the mask of a
+// camera leaves; LPIPS sees black elsewhere. SSIM is NaN for images of less than 11 pixels.
 class Scorer {
  public:
   // lpips: may be null; else it must outlive this.
-  explicit Scorer(const eval::Lpips* lpips = nullptr) : lpips_(lpips) {}
+  explicit Scorer(const eval::Lpips* lpips = nullptr, const Colour& background = {})
+      : lpips_(lpips), background_(background) {}
   // mask: [height, width] or empty.
   void add(const Pixels& captured, const std::vector<uint8_t>& mask, io::Image rendered,
            uint32_t threads);
@@ -41,15 +42,16 @@ class Scorer {
   io::FidelityAccumulator sum_;
   double affine_ = 0, distance_ = 0;
   const eval::Lpips* lpips_;
+  Colour background_;
 };
 
 using RenderView = std::function<io::Image(uint32_t view)>;
 using IsCancelled = std::function<bool()>;
 
-// Reads the views, renders them and compares. lpips and cancelled: may be null. render: called on
-// one thread.
+// Reads the views, renders them and compares. cancelled: may be null. render: called on one thread,
+// with the background of the scorer.
 Score score_views(const Capture& capture, const ImageLoader& loader,
-                  const std::vector<uint32_t>& views, const eval::Lpips* lpips, uint32_t threads,
+                  const std::vector<uint32_t>& views, Scorer scorer, uint32_t threads,
                   const RenderView& render, const IsCancelled& cancelled);
 
 // Reads the weights of LPIPS; nothing if `path` is empty. Throws io::Error.

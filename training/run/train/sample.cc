@@ -5,15 +5,9 @@
 #include <mutex>
 
 namespace l4d::train {
-namespace {
-
-constexpr float kBlack[3] = {0, 0, 0};
-
-}  // namespace
-
 Sample::Sample(const Capture& capture, const ImageLoader& loader, const char* split, size_t most,
-               uint32_t threads)
-    : capture_(capture), loader_(loader), threads_(threads) {
+               const Colour& background, uint32_t threads)
+    : capture_(capture), loader_(loader), background_(background), threads_(threads) {
   std::mutex mutex;
   loader.load(views_to_watch(capture, split, most), threads, [&](uint32_t view, Pixels pixels) {
     const std::lock_guard<std::mutex> lock(mutex);
@@ -22,7 +16,7 @@ Sample::Sample(const Capture& capture, const ImageLoader& loader, const char* sp
 }
 
 Score Sample::score(Trainer* trainer) const {
-  Scorer scorer;
+  Scorer scorer(nullptr, background_);
   for (const auto& [view, pixels] : images_) {
     scorer.add(pixels, loader_.mask(capture_.views[view].camera), trainer->render(view), threads_);
   }
@@ -31,12 +25,12 @@ Score Sample::score(Trainer* trainer) const {
 
 io::Image Sample::preview(Trainer* trainer) const {
   const auto& [view, pixels] = middle();
-  return preview_of(image_of(pixels, kBlack), trainer->render(view));
+  return preview_of(image_of(pixels, background_), trainer->render(view));
 }
 
 io::Image Sample::beside(Trainer* trainer, const RenderView& stream) const {
   const auto& [view, pixels] = middle();
-  return io::side_by_side({image_of(pixels, kBlack), trainer->render(view), stream(view)});
+  return io::side_by_side({image_of(pixels, background_), trainer->render(view), stream(view)});
 }
 
 const std::pair<const uint32_t, Pixels>& Sample::middle() const {

@@ -12,9 +12,9 @@ namespace l4d::train {
 // Images that scores and previews use again and again. The capture and the loader are borrowed.
 class Sample {
  public:
-  // At most `most` views of the split.
+  // At most `most` views of the split. background: that of the trainer, behind images with alpha.
   Sample(const Capture& capture, const ImageLoader& loader, const char* split, size_t most,
-         uint32_t threads);
+         const Colour& background, uint32_t threads);
   Score score(Trainer* trainer) const;
   bool empty() const { return images_.empty(); }
   io::Image preview(Trainer* trainer) const;
@@ -26,6 +26,7 @@ class Sample {
 
   const Capture& capture_;
   const ImageLoader& loader_;
+  Colour background_;
   uint32_t threads_;
   std::map<uint32_t, Pixels> images_;
 };

@@ -96,7 +96,8 @@ class Trainer {
   // How the training renders a view now.
   io::Image render(uint32_t view);
   bool has_alpha() const { return has_alpha_; }  // the images have
-  const std::vector<float>& background() const { return background_; }
+  // Behind what render() shows; black at first.
+  void set_background(const Colour& background) { background_ = background; }
 
  private:
   const Instant& choose_instant(uint64_t* visit) const;
@@ -135,7 +136,7 @@ class Trainer {
   bool has_alpha_ = false;
   std::vector<Exposure> exposures_;  // by camera; empty: off
   RunState state_;
-  std::vector<float> background_ = {0, 0, 0};
+  Colour background_{};
   double seconds_swapping_ = 0;
   std::vector<std::string> notes_;
 };
