@@ -19,7 +19,15 @@ namespace {
   return text;
 }
 
-std::string escaped(const std::string& text) {
+std::string list_of(const std::vector<SvgPoint>& points) {
+  std::string list;
+  for (const SvgPoint& p : points) list += format("%s%.1f,%.1f", list.empty() ? "" : " ", p.x, p.y);
+  return list;
+}
+
+}  // namespace
+
+std::string escaped_xml(const std::string& text) {
   std::string out;
   for (const char c : text) {
     switch (c) {
@@ -42,14 +50,6 @@ std::string escaped(const std::string& text) {
   }
   return out;
 }
-
-std::string list_of(const std::vector<SvgPoint>& points) {
-  std::string list;
-  for (const SvgPoint& p : points) list += format("%s%.1f,%.1f", list.empty() ? "" : " ", p.x, p.y);
-  return list;
-}
-
-}  // namespace
 
 Svg::Svg(double width, double height)
     : body_(format("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
@@ -83,7 +83,7 @@ void Svg::text(SvgPoint at, const std::string& text, SvgAnchor anchor, double si
   body_ +=
       format("<text x=\"%.1f\" y=\"%.1f\" font-size=\"%g\" text-anchor=\"%s\" fill=\"#222222\">",
              at.x, at.y, size, kAnchors[static_cast<size_t>(anchor)]) +
-      escaped(text) + "</text>\n";
+      escaped_xml(text) + "</text>\n";
 }
 
 std::vector<double> axis_ticks(double most, size_t count) {

@@ -12,6 +12,9 @@ struct SvgPoint {
 
 enum class SvgAnchor { kStart, kMiddle, kEnd };
 
+// Text as XML and HTML have it.
+std::string escaped_xml(const std::string& text);
+
 // An SVG image in the making. Coordinates are pixels, y downwards.
 class Svg {
  public:

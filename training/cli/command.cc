@@ -269,6 +269,10 @@ Command::Command() : app("Trains scenes of 4D Gaussians from captures, for l4dco
                    "Where the capture is now (where it was when the run began)")
       ->type_name("FOLDER");
   add_scores(eval, evaluation);
+  eval->add_option(
+          "--html", evaluation.page,
+          "Also write the report as a page, as `train` writes report.html; replaces a file")
+      ->type_name("FILE");
   add_common(eval, evaluation);
   CLI::App* look = app.add_subcommand("inspect", "Say what a capture is");
   add_reading(look, inspection);

@@ -34,6 +34,7 @@ struct Arguments {
   std::string cache_limit = "64G";
   std::string near = "auto", opacity_weight = "auto", background = "black";
   std::string sheet;
+  std::string page;         // of HTML with the scores of eval; "" = none
   std::string cameras_out;  // of the cameras with their clocks; "" = none
   std::string folder;       // of a run that is evaluated, or for a capture that is rendered
   std::string moved;        // the capture of a run that is evaluated, where it is elsewhere now

@@ -277,7 +277,7 @@ int run_verb(const CLI::App& app, Arguments& a) {
     }
     report = train(a.run, &terminal);
   } else {
-    report = evaluate_run(a.folder, a.moved, a.run, &terminal);
+    report = evaluate_run(a.folder, a.moved, a.run, a.page, &terminal);
   }
   std::printf("%s%s", (a.json ? json_of(report) : describe(report)).c_str(), a.json ? "\n" : "");
   return kExitOk;

@@ -2,6 +2,7 @@
 #include "eval/refit/view_encoding.h"
 #include "io/camera/write_cameras.h"
 #include "io/ply/scene_ply.h"
+#include "training/run/report/page.h"
 #include "training/run/report/report.h"
 #include "training/run/run_parts.h"
 #include "training/run/train/output.h"
@@ -101,6 +102,7 @@ RunReport write_results(RunParts* parts, Steps* steps) {
       parts->seconds_before +
       std::chrono::duration<double>(RunParts::Clock::now() - parts->started).count();
   parts->write("report.json", json_of(report) + "\n");
+  parts->write("report.html", page_of(report, parts->capture, steps->curves()));
   steps->finish_writing();
   return report;
 }

@@ -79,7 +79,8 @@ class Steps {
   void run();
   void write_checkpoint();
   void write_preview();
-  void write_curves() const { parts_.write("curves.svg", draw_curves(log_->entries())); }
+  std::string curves() const { return draw_curves(log_->entries()); }
+  void write_curves() const { parts_.write("curves.svg", curves()); }
   void finish_writing() { writer_.finish(); }
   // Adds what the steps took.
   void describe(RunReport* report);

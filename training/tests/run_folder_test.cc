@@ -155,7 +155,7 @@ TEST(RunFolder, TheCaptureOfARunMayMove) {
   Listener stops(10), listener;
   EXPECT_THAT(failure_of(options, &stops, L4D_ERR_CANCELLED), HasSubstr("step 10"));
   try {
-    evaluate_run(folder / "run", "", {}, &listener);
+    evaluate_run(folder / "run", "", {}, "", &listener);
     ADD_FAILURE() << "the training has not ended";
   } catch (const io::Error& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("has not ended"), HasSubstr("--resume` goes on")));
@@ -167,25 +167,25 @@ TEST(RunFolder, TheCaptureOfARunMayMove) {
 
   fs::rename(folder / "new", folder / "newer");
   try {
-    evaluate_run(folder / "run", "", {}, &listener);
+    evaluate_run(folder / "run", "", {}, "", &listener);
     ADD_FAILURE() << "the capture has moved";
   } catch (const io::Error& error) {
     EXPECT_THAT(error.what(), HasSubstr("--capture"));
   }
   listener.notes.clear();
-  const RunReport moved = evaluate_run(folder / "run", folder / "newer", {}, &listener);
+  const RunReport moved = evaluate_run(folder / "run", folder / "newer", {}, "", &listener);
   EXPECT_NEAR(moved.train.plain.mean_psnr, trained.train.plain.mean_psnr, 0.01);
   for (const uint32_t instants : {2U, 0U}) {  // of a camera that tests
     RunOptions how;
     how.scored_instants = instants;
-    EXPECT_EQ(evaluate_run(folder / "run", folder / "newer", how, &listener).test.plain.views,
+    EXPECT_EQ(evaluate_run(folder / "run", folder / "newer", how, "", &listener).test.plain.views,
               instants != 0 ? instants : trained.test_images);
   }
   EXPECT_EQ(listener.notes, "");
 
   fs::copy_file(folder / "newer/images/cam03/0005.png", folder / "newer/images/cam03/0004.png",
                 fs::copy_options::overwrite_existing);
-  evaluate_run(folder / "run", folder / "newer", {}, &listener);
+  evaluate_run(folder / "run", folder / "newer", {}, "", &listener);
   EXPECT_THAT(listener.notes, HasSubstr("has changed"));
   options.settings.capture = folder / "newer";
   EXPECT_THAT(failure_of(options, &listener, L4D_ERR_INVALID_ARGUMENT),

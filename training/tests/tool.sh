@@ -40,7 +40,7 @@ expect 0 '"layout": "cameras"' inspect capture --json
 
 options=(capture --gaussians 300 --sh-degree 0 --views 2 --init frustum --exposure off)
 expect 0 "Gaussians +[0-9]" train "${options[@]}" -o whole --steps 400 -q
-for name in scene.ply cameras.json settings.json log.jsonl curves.svg preview.png report.json events.out.tfevents.l4dtrain; do
+for name in scene.ply cameras.json settings.json log.jsonl curves.svg preview.png report.json report.html events.out.tfevents.l4dtrain; do
   [ -s "whole/$name" ] || die "$name is missing"
 done
 expect 0 "test +[0-9.]+ dB" eval whole -q

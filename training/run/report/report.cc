@@ -10,6 +10,7 @@
 #include "io/ply/scene_ply.h"
 #include "training/capture/capture_hash.h"
 #include "training/run/record/checkpoint.h"
+#include "training/run/report/page.h"
 #include "training/run/train/output.h"
 #include "training/step/cuda_backend.h"
 
@@ -31,6 +32,18 @@ Json object_of(const Score& score, const std::string& lpips) {
                  {"psnr_affine", finite_or_null(score.psnr_affine)},
                  {"views", score.plain.views}};
   if (!lpips.empty()) object["lpips_" + lpips] = finite_or_null(score.lpips);
+  for (const CameraScore& camera : score.cameras) {
+    object["cameras"].push_back({{"name", camera.name},
+                                 {"views", camera.views},
+                                 {"psnr", finite_or_null(camera.psnr)},
+                                 {"min_psnr", finite_or_null(camera.min_psnr)}});
+  }
+  for (const WorstView& view : score.worst) {
+    object["worst_views"].push_back({{"camera", view.camera},
+                                     {"frame", view.frame},
+                                     {"time_s", view.time},
+                                     {"psnr", finite_or_null(view.psnr)}});
+  }
   return object;
 }
 
@@ -166,7 +179,7 @@ std::string note_of_stream(double scene_psnr, double stream_psnr, bool settles) 
 }
 
 RunReport evaluate_run(const std::string& folder, const std::string& moved,
-                       const RunOptions& options, RunObserver* observer) {
+                       const RunOptions& options, const std::string& page, RunObserver* observer) {
   const auto file = [&](const char* name) { return (fs::path(folder) / name).string(); };
   Settings settings = settings_of_run(folder);
   std::error_code error;
@@ -208,13 +221,26 @@ RunReport evaluate_run(const std::string& folder, const std::string& moved,
   observer->update(0, 0, "comparing with the captured images");
   report.train = score("train", render);
   report.test = score("test", render);
-  if (!fs::exists(file("scene.l4d"), error)) return report;
+  const auto finish = [&] {
+    if (page.empty()) return report;
+    std::string curves;
+    if (fs::exists(file("curves.svg"), error)) {
+      const std::vector<uint8_t> text = io::read_whole_file(file("curves.svg"));
+      curves.assign(text.begin(), text.end());
+    }
+    const std::string html = page_of(report, capture, curves);
+    io::OutputFile out(page);
+    out.write(html.data(), html.size());
+    out.commit();
+    return report;
+  };
+  if (!fs::exists(file("scene.l4d"), error)) return finish();
   report.stream_bytes = fs::file_size(file("scene.l4d"), error);
   StreamViews views(file("scene.l4d"), capture, loader, options.background, rendering);
   const auto render_stream = [&](uint32_t view) { return views.render(view); };
   report.stream_train = score("train", render_stream);
   report.stream_test = score("test", render_stream);
-  return report;
+  return finish();
 }
 
 }  // namespace l4d::train

@@ -16,9 +16,9 @@ std::string json_of(const RunReport& report);
 
 // Scores the scene of a run, and its stream if there is one, against its capture. moved: where the
 // capture is now, or "" where it is as the run has it. Of the options, lpips, background,
-// scored_instants and threads count.
+// scored_instants and threads count. page: a file of HTML to write as well; "" = none.
 RunReport evaluate_run(const std::string& folder, const std::string& moved,
-                       const RunOptions& options, RunObserver* observer);
+                       const RunOptions& options, const std::string& page, RunObserver* observer);
 
 // The part of a report that follows from the capture alone.
 RunReport describe_capture(const Capture& capture, const ImageLoader& loader);

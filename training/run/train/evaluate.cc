@@ -137,15 +137,16 @@ std::vector<uint32_t> views_to_watch(const Capture& capture, const char* split, 
   return {views.begin(), views.end()};
 }
 
-void Scorer::add(const Pixels& pixels, const std::vector<uint8_t>& mask, io::Image rendered,
-                 uint32_t threads) {
+double Scorer::add(const Pixels& pixels, const std::vector<uint8_t>& mask, const io::Image& image,
+                   uint32_t threads) {
   const io::Image captured = io::masked(image_of(pixels, background_), mask);
-  rendered = io::masked(std::move(rendered), mask);
+  const io::Image rendered = io::masked(image, mask);
   const bool has_ssim = std::min(captured.width, captured.height) >= kMinSsimSize;
-  sum_.add(io::mse(captured, rendered, mask),
-           has_ssim ? io::ssim(captured, rendered, threads, mask) : std::nan(""));
+  const double mse = io::mse(captured, rendered, mask);
+  sum_.add(mse, has_ssim ? io::ssim(captured, rendered, threads, mask) : std::nan(""));
   affine_ += io::psnr_of_mse(affine_mse(rendered, captured, mask, static_cast<int>(threads)));
   if (lpips_ != nullptr) distance_ += lpips_->distance(captured, rendered, threads);
+  return io::psnr_of_mse(mse);
 }
 
 Score Scorer::score() const {
@@ -157,9 +158,62 @@ Score Scorer::score() const {
   return score;
 }
 
+namespace {
+
+// Scores by camera, and the views that are worst.
+class ViewScores {
+ public:
+  ViewScores(const Capture& capture, const Colour& background)
+      : capture_(capture), background_(background), cameras_(capture.cameras.size()) {}
+
+  void add(uint32_t view, double psnr, const Pixels& captured, const io::Image& rendered) {
+    const CaptureView& of = capture_.views[view];
+    CameraScore& camera = cameras_[of.camera];
+    camera.min_psnr = camera.views == 0 ? psnr : std::min(camera.min_psnr, psnr);
+    camera.psnr += psnr;
+    ++camera.views;
+    if (worst_.size() == kWorst && !(psnr < worst_.back().psnr)) return;
+    const std::string beside = io::encode_png(
+        io::side_by_side({small(image_of(captured, background_)), small(rendered)}), kLevel);
+    if (worst_.size() == kWorst) worst_.pop_back();
+    worst_.push_back({capture_.cameras[of.camera].name, of.frame, of.time, psnr, beside});
+    std::sort(worst_.begin(), worst_.end(),
+              [](const WorstView& a, const WorstView& b) { return a.psnr < b.psnr; });
+  }
+  void put(Score* score) {
+    for (size_t c = 0; c < cameras_.size(); ++c) {
+      CameraScore& camera = cameras_[c];
+      if (camera.views == 0) continue;
+      camera.name = capture_.cameras[c].name;
+      camera.psnr /= static_cast<double>(camera.views);
+      score->cameras.push_back(camera);
+    }
+    score->worst = std::move(worst_);
+  }
+
+ private:
+  static constexpr size_t kWorst = 3;
+  static constexpr uint32_t kWidth = 480;
+  static constexpr int kLevel = 6;
+
+  io::Image small(const io::Image& image) const {
+    if (image.width <= kWidth) return image;
+    const auto height = static_cast<uint32_t>(uint64_t{image.height} * kWidth / image.width);
+    return image_of(resized(image, {}, kWidth, std::max(height, 1U)), background_);
+  }
+
+  const Capture& capture_;
+  const Colour background_;
+  std::vector<CameraScore> cameras_;
+  std::vector<WorstView> worst_;
+};
+
+}  // namespace
+
 Score score_views(const Capture& capture, const ImageLoader& loader,
                   const std::vector<uint32_t>& views, Scorer scorer, uint32_t threads,
                   const RenderView& render, const IsCancelled& cancelled) {
+  ViewScores by_view(capture, scorer.background());
   // Whole cameras follow each other, so that a video is not opened for each of its frames.
   std::vector<uint32_t> order = views;
   std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
@@ -179,10 +233,14 @@ Score score_views(const Capture& capture, const ImageLoader& loader,
         cancelled);
     for (const auto& [view, pixels] : images) {
       if (cancelled && cancelled()) throw io::Error(L4D_ERR_CANCELLED, "cancelled");
-      scorer.add(pixels, loader.mask(capture.views[view].camera), render(view), threads);
+      const io::Image rendered = render(view);
+      const std::vector<uint8_t>& mask = loader.mask(capture.views[view].camera);
+      by_view.add(view, scorer.add(pixels, mask, rendered, threads), pixels, rendered);
     }
   }
-  return scorer.score();
+  Score score = scorer.score();
+  by_view.put(&score);
+  return score;
 }
 
 std::unique_ptr<eval::Lpips> read_lpips(const std::string& path, const io::Hold& holder) {

@@ -19,11 +19,28 @@ std::vector<uint32_t> views_to_score(const Capture& capture, const char* split, 
 // At most `count` views of a split: instants spread evenly, and all cameras about equally often.
 std::vector<uint32_t> views_to_watch(const Capture& capture, const char* split, size_t count);
 
+struct CameraScore {
+  std::string name;
+  uint64_t views = 0;
+  double psnr = 0, min_psnr = 0;  // mean over views; of the worst
+};
+
+struct WorstView {
+  std::string camera;
+  uint32_t frame = 0;
+  double time = 0;  // s
+  double psnr = 0;
+  std::string beside;  // a PNG of what was captured and what was rendered, small
+};
+
 struct Score {
   io::Fidelity plain;
   // After the affine map of colours of each view that fits best: how much of the error is exposure.
   double psnr_affine = 0;
   double lpips = 0;  // mean over views; of Scorer's network, if it has one
+  // Of score_views():
+  std::vector<CameraScore> cameras;  // that have views, in the order of the capture
+  std::vector<WorstView> worst;      // three at most, the worst first
 };
 
 // Adds views up. Images with alpha are compared on a background, by the pixels that the mask of a
@@ -33,10 +50,11 @@ class Scorer {
   // lpips: may be null; else it must outlive this.
   explicit Scorer(const eval::Lpips* lpips = nullptr, const Colour& background = {})
       : lpips_(lpips), background_(background) {}
-  // mask: [height, width] or empty.
-  void add(const Pixels& captured, const std::vector<uint8_t>& mask, io::Image rendered,
-           uint32_t threads);
+  // mask: [height, width] or empty. Returns the PSNR of the view.
+  double add(const Pixels& captured, const std::vector<uint8_t>& mask, const io::Image& rendered,
+             uint32_t threads);
   Score score() const;
+  const Colour& background() const { return background_; }
 
  private:
   io::FidelityAccumulator sum_;
