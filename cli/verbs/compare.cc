@@ -37,6 +37,8 @@ struct CompareArguments {
   std::string error_gain;
   std::string min_fidelity;
   std::string lpips;
+  bool jod = false;
+  std::string display, min_jod;
   ImportArguments import;
 
   // Pairing the Gaussians of two scenes takes longer than rendering them.
@@ -158,9 +160,28 @@ void compare_views(Context& context, const CompareArguments& arguments, const In
       });
   verdict.outcome.json.update(compared.json);
   verdict.outcome.text += compared.text;
-  if (arguments.min_fidelity.empty()) return;
-  const double least = parse_decibels(arguments.min_fidelity, "--min-fidelity");
-  verdict.demand(compared.fidelity_db >= least, "fidelity >= " + format_number(least) + " dB");
+  if (!arguments.min_fidelity.empty()) {
+    const double least = parse_decibels(arguments.min_fidelity, "--min-fidelity");
+    verdict.demand(compared.fidelity_db >= least, "fidelity >= " + format_number(least) + " dB");
+  }
+  if (!arguments.min_jod.empty()) {
+    const double least = parse_number(arguments.min_jod, "--min-jod");
+    verdict.demand(compared.jod >= least, "JOD >= " + format_number(least));
+  }
+}
+
+// Null where JOD is not asked for.
+const eval::JodDisplay* display_of(const CompareArguments& arguments) {
+  const bool wanted = arguments.jod || !arguments.min_jod.empty();
+  if (!wanted && !arguments.display.empty()) throw usage_error("--display needs --jod");
+  if (!arguments.min_jod.empty()) parse_number(arguments.min_jod, "--min-jod");
+  if (!wanted) return nullptr;
+  const std::string name = arguments.display.empty() ? "standard_4k" : arguments.display;
+  const eval::JodDisplay* display = eval::find_jod_display(name);
+  if (display == nullptr) {
+    throw usage_error("--display is " + name + "; it must be standard_4k or standard_fhd");
+  }
+  return display;
 }
 
 // Usage errors that need no file.
@@ -168,11 +189,12 @@ double check_image_options(const CompareArguments& arguments) {
   arguments.cameras.check();
   const bool uses_images = arguments.images || arguments.per_view || arguments.attributes ||
                            !arguments.side_by_side.empty() || !arguments.error_gain.empty() ||
-                           !arguments.min_fidelity.empty() || !arguments.lpips.empty();
+                           !arguments.min_fidelity.empty() || !arguments.lpips.empty() ||
+                           arguments.jod || !arguments.min_jod.empty();
   if (uses_images && !arguments.cameras.given()) {
     throw usage_error(
-        "--images, --per-view, --side-by-side, --error-gain, --min-fidelity, --lpips and "
-        "--attributes need --cameras");
+        "--images, --per-view, --side-by-side, --error-gain, --min-fidelity, --lpips, --jod, "
+        "--min-jod and --attributes need --cameras");
   }
   if (arguments.images && arguments.cameras.orbit > 0) {
     throw usage_error("--images: made-up cameras have seen nothing");
@@ -191,6 +213,7 @@ Outcome run_compare(Context& context, const CompareArguments& arguments) {
   for (const std::string& text : arguments.max_error) bounds.push_back(parse_error_bound(text));
   if (arguments.a == "-" && arguments.b == "-") throw usage_error("only one input can be stdin");
   const double gain = check_image_options(arguments);
+  const eval::JodDisplay* display = display_of(arguments);
   arguments.import.check();
   context.files.add_input(arguments.a, "A");
   context.files.add_input(arguments.b, "B");
@@ -218,8 +241,9 @@ Outcome run_compare(Context& context, const CompareArguments& arguments) {
     compare_attributes(context, arguments, bounds, input_a, input_b, verdict);
   }
   if (arguments.cameras.given()) {
-    const RenderOptions options = {arguments.images, arguments.per_view, gain,
-                                   lpips ? &*lpips : nullptr, picture ? &*picture : nullptr};
+    const RenderOptions options = {
+        arguments.images, arguments.per_view,           gain, lpips ? &*lpips : nullptr,
+        display,          picture ? &*picture : nullptr};
     compare_views(context, arguments, input_a, input_b, options, verdict);
   }
   verdict.outcome.json["not_met"] = verdict.not_met;
@@ -269,6 +293,18 @@ void add_compare(Registry& registry) {
                    "Also measure LPIPS, with the weights of AlexNet or VGG16 in this .safetensors "
                    "file (training/README.md)")
       ->type_name("FILE")
+      ->group(group);
+  verb->add_flag("--jod", arguments->jod,
+                 "Also measure JOD (ColorVideoVDP) of the videos that cameras make: 10 = no "
+                 "difference")
+      ->group(group);
+  verb->add_option("--display", arguments->display,
+                   "Where videos are looked at, for --jod: standard_4k (default), standard_fhd")
+      ->type_name("NAME")
+      ->group(group);
+  verb->add_option("--min-jod", arguments->min_jod,
+                   "Exit with 1 if the JOD of B against A is less; measures it")
+      ->type_name("J")
       ->group(group);
   verb->add_flag("--attributes", arguments->attributes,
                  "Also compare attributes, which pairs Gaussians and takes longer")

@@ -23,7 +23,7 @@ RendersCompared compare_renders(Context& context, const Input& input_a, const In
   const eval::ImageComparison comparison = [&] {
     Progress progress(context, "compare");
     return eval::compare_images(a, b, views, options.images, options.lpips, context.options.threads,
-                                progress);
+                                progress, options.display);
   }();
   if (options.picture != nullptr) {
     const io::View& worst = comparison.views[comparison.worst()].view;
@@ -37,7 +37,8 @@ RendersCompared compare_renders(Context& context, const Input& input_a, const In
     options.picture->finish();
   }
   return {image_json(comparison, options.per_view), image_text(comparison, options.per_view),
-          comparison.summary(&eval::ViewFidelity::fidelity).psnr};
+          comparison.summary(&eval::ViewFidelity::fidelity).psnr,
+          options.display != nullptr ? comparison.mean_jod(&eval::CameraJod::jod) : 0};
 }
 
 }  // namespace l4d::cli

@@ -9,6 +9,7 @@
 #include "cli/input/files.h"
 #include "cli/input/scene_source.h"
 #include "eval/image/lpips.h"
+#include "eval/jod/jod.h"
 
 namespace l4d::cli {
 
@@ -17,7 +18,8 @@ struct RenderOptions {
   bool per_view = false;
   double gain = 1;  // of the map of differences
   const eval::Lpips* lpips = nullptr;
-  Output* picture = nullptr;  // of the worst view
+  const eval::JodDisplay* display = nullptr;  // of JOD; null = none
+  Output* picture = nullptr;                  // of the worst view
 };
 
 // One of two scenes that are compared.
@@ -30,6 +32,7 @@ struct RendersCompared {
   Json json;
   std::string text;
   double fidelity_db = 0;
+  double jod = 0;  // mean over cameras, where it was measured
 };
 
 // Renders both inputs. opened: called once both are open. Throws in builds without the renderer.

@@ -6,6 +6,7 @@
 namespace l4d::cli {
 namespace {
 
+using eval::CameraJod;
 using eval::ViewFidelity;
 
 std::string format_db(double decibels) {
@@ -17,6 +18,47 @@ std::string row(const std::string& name, double psnr, double ssim, const std::st
                 double distance) {
   return format("%-28s %8s dB  SSIM %.4f", name.c_str(), format_db(psnr).c_str(), ssim) +
          (lpips.empty() ? "\n" : format("  LPIPS (%s) %.4f\n", lpips.c_str(), distance));
+}
+
+void put_jod(const eval::ImageComparison& c, Json& j) {
+  if (c.display == nullptr) return;
+  j["jod"] = c.mean_jod(&CameraJod::jod);
+  if (c.has_images) {
+    j["jod_a"] = c.mean_jod(&CameraJod::a);
+    j["jod_b"] = c.mean_jod(&CameraJod::b);
+  }
+  j["jod_display"] = c.display->name;
+  j["jod_metric"] = "ColorVideoVDP 0.5.6";
+  for (const CameraJod& camera : c.jods) {
+    Json entry = {{"camera", camera.camera},
+                  {"frames", camera.frames},
+                  {"fps", camera.fps},
+                  {"jod", camera.jod}};
+    if (c.has_images) {
+      entry["jod_a"] = camera.a;
+      entry["jod_b"] = camera.b;
+    }
+    j["jod_cameras"].push_back(entry);
+  }
+}
+
+std::string jod_text(const eval::ImageComparison& c) {
+  if (c.display == nullptr) return "";
+  std::string t =
+      format("%-28s %8.3f     %s, %.2f pixels a degree\n", "JOD, B against A",
+             c.mean_jod(&CameraJod::jod), c.display->name, c.display->pixels_per_degree);
+  if (c.has_images) {
+    t += format("%-28s %8.3f\n%-28s %8.3f\n", "JOD, A against captured", c.mean_jod(&CameraJod::a),
+                "JOD, B against captured", c.mean_jod(&CameraJod::b));
+  }
+  for (const CameraJod& camera : c.jods) {
+    const std::string frames =
+        camera.frames == 1 ? "an image"
+                           : format("%s frames, %s a second", format_count(camera.frames).c_str(),
+                                    format_number(camera.fps).c_str());
+    t += format("  camera %-19d %8.3f     %s\n", camera.camera, camera.jod, frames.c_str());
+  }
+  return t;
 }
 
 }  // namespace
@@ -46,6 +88,7 @@ Json image_json(const eval::ImageComparison& c, bool per_view) {
       j[key + "_b"] = c.mean_lpips(&ViewFidelity::b);
     }
   }
+  put_jod(c, j);
   j["render_s"] = c.render_seconds;
   if (!per_view) return j;
   j["per_view"] = Json::array();
@@ -91,6 +134,7 @@ std::string image_text(const eval::ImageComparison& c, bool per_view) {
     t += row("B against captured, mean", b.mean_psnr, b.mean_ssim, c.lpips,
              c.mean_lpips(&ViewFidelity::b));
   }
+  t += jod_text(c);
   if (!per_view) return t;
   t += format("\n%-7s %-7s %-9s %9s %7s", "camera", "frame", "time", "fidelity", "ssim");
   t += c.has_images ? format(" %9s %9s %7s %7s\n", "psnr a", "psnr b", "ssim a", "ssim b") : "\n";

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <map>
+#include <memory>
 #include <numeric>
 #include <optional>
 
@@ -13,6 +15,92 @@ namespace l4d::eval {
 namespace {
 
 double capped(double decibels) { return std::min(decibels, kMaxDecibels); }
+
+// The frame rate of a camera's views, which rise in time; 0 for one view.
+double fps_of(const CameraViews& all, const std::vector<size_t>& views) {
+  constexpr double kTolerance = 1e-3;  // of a step
+  if (views.size() == 1) return 0;
+  const auto time = [&](size_t k) { return all.views[views[k]].time; };
+  const double step = (time(views.size() - 1) - time(0)) / static_cast<double>(views.size() - 1);
+  for (size_t k = 0; k < views.size(); ++k) {
+    if (step > 0 &&
+        std::abs(time(k) - time(0) - static_cast<double>(k) * step) <= kTolerance * step) {
+      continue;
+    }
+    throw io::Error(L4D_ERR_INVALID_ARGUMENT, "JOD is that of a video, and the frames of camera " +
+                                                  std::to_string(all.camera_of(views[k]).id) +
+                                                  " are not evenly spaced");
+  }
+  return 1 / step;
+}
+
+// The videos of the camera at hand.
+class Videos {
+ public:
+  Videos(const CameraViews& all, bool images, const JodDisplay* display, uint32_t threads)
+      : all_(all), images_(images), display_(display), threads_(threads) {
+    if (display == nullptr) return;
+    for (size_t k = 0; k < all.views.size(); ++k) by_camera_[all.views[k].camera].push_back(k);
+    for (auto& [camera, views] : by_camera_) {
+      std::stable_sort(views.begin(), views.end(),
+                       [&](size_t a, size_t b) { return all.views[a].time < all.views[b].time; });
+      const double fps = fps_of(all, views);
+      videos_[camera] = {all.set.cameras[camera].id, views.size(), fps, 0, 0, 0};
+    }
+  }
+
+  // The views of a part, camera by camera.
+  std::vector<size_t> order_of(std::vector<size_t> part) const {
+    if (display_ == nullptr) return part;
+    std::stable_sort(part.begin(), part.end(), [&](size_t a, size_t b) {
+      const io::View &x = all_.views[a], &y = all_.views[b];
+      return x.camera != y.camera ? x.camera < y.camera : x.time < y.time;
+    });
+    return part;
+  }
+
+  // seen: what the camera saw, or null.
+  void add(size_t view, const io::Image& a, const io::Image& b, const io::Image* seen) {
+    if (display_ == nullptr) return;
+    const size_t camera = all_.views[view].camera;
+    CameraJod& video = videos_[camera];
+    if (meters_.empty()) {
+      const l4d_camera& size = all_.set.cameras[camera].camera;
+      for (size_t k = 0; k < (images_ ? 3U : 1U); ++k) {
+        meters_.push_back(std::make_unique<JodMeter>(size.width, size.height, video.frames,
+                                                     video.fps, *display_, threads_,
+                                                     all_.set.holder));
+      }
+    }
+    meters_[0]->add(b, a);
+    if (seen != nullptr) {
+      meters_[1]->add(a, *seen);
+      meters_[2]->add(b, *seen);
+    }
+    if (meters_[0]->frames().size() < video.frames) return;
+    video.jod = meters_[0]->jod();
+    if (seen != nullptr) {
+      video.a = meters_[1]->jod();
+      video.b = meters_[2]->jod();
+    }
+    meters_.clear();
+  }
+
+  std::vector<CameraJod> take() const {
+    std::vector<CameraJod> all;
+    for (const auto& [camera, video] : videos_) all.push_back(video);
+    return all;
+  }
+
+ private:
+  const CameraViews& all_;
+  const bool images_;
+  const JodDisplay* display_;
+  const uint32_t threads_;
+  std::map<size_t, std::vector<size_t>> by_camera_;
+  std::map<size_t, CameraJod> videos_;
+  std::vector<std::unique_ptr<JodMeter>> meters_;
+};
 
 }  // namespace
 
@@ -45,6 +133,12 @@ double ImageComparison::mean_lpips(ImageError ViewFidelity::*of) const {
   return sum / static_cast<double>(views.size());
 }
 
+double ImageComparison::mean_jod(double CameraJod::*of) const {
+  double sum = 0;
+  for (const CameraJod& camera : jods) sum += camera.*of;
+  return sum / static_cast<double>(jods.size());
+}
+
 size_t ImageComparison::worst() const {
   const auto at = std::max_element(
       views.begin(), views.end(),
@@ -54,7 +148,7 @@ size_t ImageComparison::worst() const {
 
 ImageComparison compare_images(RenderedScene& a, RenderedScene& b, const CameraViews& all,
                                bool images, const Lpips* lpips, uint32_t threads,
-                               Observer& observer) {
+                               Observer& observer, const JodDisplay* display) {
   using Clock = std::chrono::steady_clock;
   std::vector<std::vector<size_t>> parts;
   if (images) {
@@ -65,6 +159,8 @@ ImageComparison compare_images(RenderedScene& a, RenderedScene& b, const CameraV
   }
   ImageComparison result;
   result.has_images = images;
+  result.display = display;
+  Videos videos(all, images, display, threads);
   if (lpips != nullptr) {
     result.lpips = lpips->network();
     for (const io::View& view : all.views) {
@@ -86,7 +182,7 @@ ImageComparison compare_images(RenderedScene& a, RenderedScene& b, const CameraV
   for (const std::vector<size_t>& part : parts) {
     std::optional<CapturedImages> captured;
     if (images) captured.emplace(all, part, observer);
-    for (const size_t index : part) {
+    for (const size_t index : videos.order_of(part)) {
       observer.check();
       observer.update(done++, all.views.size(), "rendering");
       ViewFidelity& out = result.views[index];
@@ -100,12 +196,17 @@ ImageComparison compare_images(RenderedScene& a, RenderedScene& b, const CameraV
       b.render(camera.camera, &image_b);
       result.render_seconds += std::chrono::duration<double>(Clock::now() - begun).count();
       out.fidelity = error_of(image_a, image_b);
-      if (!captured) continue;
+      if (!captured) {
+        videos.add(index, image_a, image_b, nullptr);
+        continue;
+      }
       const CapturedImage seen = captured->image(index);
       out.a = error_of(image_a, seen.image, seen.mask);
       out.b = error_of(image_b, seen.image, seen.mask);
+      videos.add(index, image_a, image_b, &seen.image);
     }
   }
+  result.jods = videos.take();
   return result;
 }
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "eval/image/lpips.h"
+#include "eval/jod/jod.h"
 #include "eval/observer.h"
 #include "eval/views/rendered_scene.h"
 #include "eval/views/views.h"
@@ -35,24 +36,38 @@ struct ViewFidelity {
   ImageError a, b;      // of the renders against what the camera saw, if the caller wants it
 };
 
+// The videos that a camera makes of its views.
+struct CameraJod {
+  int camera = 0;       // id
+  uint64_t frames = 0;  // 1: an image
+  double fps = 0;       // of the chosen frames; 0: an image
+  double jod = 0;       // of B's against A's
+  double a = 0, b = 0;  // against what the camera saw, if the caller wants it
+};
+
 struct ImageComparison {
   std::vector<ViewFidelity> views;
   bool has_images = false;
-  std::string lpips;  // the network of LPIPS, "alex" or "vgg"; "" = none
+  const JodDisplay* display = nullptr;  // of JOD; null = it was not measured
+  std::vector<CameraJod> jods;          // by camera
+  std::string lpips;                    // the network of LPIPS, "alex" or "vgg"; "" = none
   double render_seconds = 0;
 
   // Of one of the errors that views have: &ViewFidelity::fidelity, a or b.
   io::Fidelity summary(ImageError ViewFidelity::*of) const;
   double mean_lpips(ImageError ViewFidelity::*of) const;
+  double mean_jod(double CameraJod::*of) const;
   size_t worst() const;  // index into views
 };
 
 // Renders both scenes in all views; all cameras of an instant share it. images: also compares both
 // with what the cameras saw. lpips: may be null; throws io::Error before it renders if images are
-// too small for the network. threads: 0 = one per core.
+// too small for the network. display: where JOD is to be measured, null = nowhere; then the views
+// of each camera are a video, whose frames must be evenly spaced (INVALID_ARGUMENT before
+// rendering), and cameras follow each other. threads: 0 = one per core.
 ImageComparison compare_images(RenderedScene& a, RenderedScene& b, const CameraViews& views,
                                bool images, const Lpips* lpips, uint32_t threads,
-                               Observer& observer);
+                               Observer& observer, const JodDisplay* display = nullptr);
 
 // A, B and the map of their difference times `gain`, beside each other.
 io::Image side_by_side(RenderedScene& a, RenderedScene& b, const CameraViews& views,
