@@ -93,6 +93,7 @@ RunReport write_results(RunParts* parts, Steps* steps) {
   parts->times.begin(kComparison);
   report.train = score(*parts, "train", render);
   report.test = score(*parts, "test", render);
+  parts->say(notes_of_cameras(report.train));
   parts->times.begin(kEncoding);
   if (!parts->options.preset.empty()) encode(scene, parts, &report);
   report.notes = parts->notes;

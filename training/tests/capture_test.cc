@@ -275,6 +275,22 @@ TEST(Scores, MasksScoreByTheirOwnPixels) {
   EXPECT_GT(scorer.score().psnr_affine, 60);  // one colour becomes another one
 }
 
+// A camera that is far below the others is named; a rig whose cameras differ is not.
+TEST(Scores, NameCamerasThatFitTheOthersBadly) {
+  const auto notes = [](const std::vector<double>& decibels) {
+    Score score;
+    for (size_t k = 0; k < decibels.size(); ++k) {
+      score.cameras.push_back({"camera " + std::to_string(k), 10, 30, 20, decibels[k]});
+    }
+    return notes_of_cameras(score);
+  };
+  EXPECT_THAT(notes({36, 35.2, 37, 24.5, 36.3, 35.8}),
+              testing::ElementsAre(HasSubstr("Camera 3 is shown at 24.5 dB")));
+  EXPECT_TRUE(notes({36, 35.2, 37, 33, 36.3, 35.8}).empty());
+  EXPECT_TRUE(notes({36, 30, 33, 24.5, 39, 27}).empty());
+  EXPECT_TRUE(notes({36, 24, 35, 36}).empty());
+}
+
 // Images with alpha are compared on a background.
 TEST(Scores, AreThoseOnABackground) {
   const Pixels captured{16, 16, std::vector<uint8_t>(size_t{3} * 256, 0),

@@ -221,6 +221,10 @@ RunReport evaluate_run(const std::string& folder, const std::string& moved,
   observer->update(0, 0, "comparing with the captured images");
   report.train = score("train", render);
   report.test = score("test", render);
+  for (const std::string& note : notes_of_cameras(report.train)) {
+    observer->note(note);
+    report.notes.push_back(note);
+  }
   const auto finish = [&] {
     if (page.empty()) return report;
     std::string curves;

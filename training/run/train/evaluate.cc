@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
+#include <cstdio>
 #include <map>
 #include <mutex>
 #include <numeric>
@@ -137,16 +139,18 @@ std::vector<uint32_t> views_to_watch(const Capture& capture, const char* split, 
   return {views.begin(), views.end()};
 }
 
-double Scorer::add(const Pixels& pixels, const std::vector<uint8_t>& mask, const io::Image& image,
-                   uint32_t threads) {
+Scorer::Psnr Scorer::add(const Pixels& pixels, const std::vector<uint8_t>& mask,
+                         const io::Image& image, uint32_t threads) {
   const io::Image captured = io::masked(image_of(pixels, background_), mask);
   const io::Image rendered = io::masked(image, mask);
   const bool has_ssim = std::min(captured.width, captured.height) >= kMinSsimSize;
   const double mse = io::mse(captured, rendered, mask);
   sum_.add(mse, has_ssim ? io::ssim(captured, rendered, threads, mask) : std::nan(""));
-  affine_ += io::psnr_of_mse(affine_mse(rendered, captured, mask, static_cast<int>(threads)));
+  const double affine =
+      io::psnr_of_mse(affine_mse(rendered, captured, mask, static_cast<int>(threads)));
+  affine_ += affine;
   if (lpips_ != nullptr) distance_ += lpips_->distance(captured, rendered, threads);
-  return io::psnr_of_mse(mse);
+  return {io::psnr_of_mse(mse), affine};
 }
 
 Score Scorer::score() const {
@@ -166,11 +170,14 @@ class ViewScores {
   ViewScores(const Capture& capture, const Colour& background)
       : capture_(capture), background_(background), cameras_(capture.cameras.size()) {}
 
-  void add(uint32_t view, double psnr, const Pixels& captured, const io::Image& rendered) {
+  void add(uint32_t view, const Scorer::Psnr& psnrs, const Pixels& captured,
+           const io::Image& rendered) {
+    const double psnr = psnrs.plain;
     const CaptureView& of = capture_.views[view];
     CameraScore& camera = cameras_[of.camera];
     camera.min_psnr = camera.views == 0 ? psnr : std::min(camera.min_psnr, psnr);
     camera.psnr += psnr;
+    camera.psnr_affine += psnrs.affine;
     ++camera.views;
     if (worst_.size() == kWorst && !(psnr < worst_.back().psnr)) return;
     const std::string beside = io::encode_png(
@@ -186,6 +193,7 @@ class ViewScores {
       if (camera.views == 0) continue;
       camera.name = capture_.cameras[c].name;
       camera.psnr /= static_cast<double>(camera.views);
+      camera.psnr_affine /= static_cast<double>(camera.views);
       score->cameras.push_back(camera);
     }
     score->worst = std::move(worst_);
@@ -241,6 +249,36 @@ Score score_views(const Capture& capture, const ImageLoader& loader,
   Score score = scorer.score();
   by_view.put(&score);
   return score;
+}
+
+std::vector<std::string> notes_of_cameras(const Score& train) {
+  // Cameras of one rig lie within a few decibels; a camera that is half a second or 2 degrees off
+  // is many below.
+  constexpr size_t kLeastCameras = 5;
+  constexpr double kLeastGap = 4, kDeviations = 4, kOfNormal = 1.4826;
+  std::vector<std::string> notes;
+  std::vector<double> all;
+  for (const CameraScore& camera : train.cameras) all.push_back(camera.psnr_affine);
+  if (all.size() < kLeastCameras) return notes;
+  const auto median = [](std::vector<double> values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+  };
+  const double usual = median(all);
+  for (double& value : all) value = std::abs(value - usual);
+  const double gap = std::max(kLeastGap, kDeviations * kOfNormal * median(all));
+  for (const CameraScore& camera : train.cameras) {
+    if (!(camera.psnr_affine < usual - gap)) continue;
+    char text[160];
+    std::snprintf(text, sizeof(text),
+                  " is shown at %.1f dB after fitting colours, where others are at %.1f: its "
+                  "place, lens or clock may be wrong.",
+                  camera.psnr_affine, usual);
+    notes.push_back(camera.name + text);
+    notes.back()[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(notes.back()[0])));
+  }
+  return notes;
 }
 
 std::unique_ptr<eval::Lpips> read_lpips(const std::string& path, const io::Hold& holder) {

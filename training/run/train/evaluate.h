@@ -23,6 +23,7 @@ struct CameraScore {
   std::string name;
   uint64_t views = 0;
   double psnr = 0, min_psnr = 0;  // mean over views; of the worst
+  double psnr_affine = 0;         // as that of Score
 };
 
 struct WorstView {
@@ -50,9 +51,12 @@ class Scorer {
   // lpips: may be null; else it must outlive this.
   explicit Scorer(const eval::Lpips* lpips = nullptr, const Colour& background = {})
       : lpips_(lpips), background_(background) {}
-  // mask: [height, width] or empty. Returns the PSNR of the view.
-  double add(const Pixels& captured, const std::vector<uint8_t>& mask, const io::Image& rendered,
-             uint32_t threads);
+  struct Psnr {
+    double plain, affine;
+  };
+  // mask: [height, width] or empty. Returns those of the view.
+  Psnr add(const Pixels& captured, const std::vector<uint8_t>& mask, const io::Image& rendered,
+           uint32_t threads);
   Score score() const;
   const Colour& background() const { return background_; }
 
@@ -62,6 +66,10 @@ class Scorer {
   const eval::Lpips* lpips_;
   Colour background_;
 };
+
+// Training cameras that a scene shows much worse than the others, whatever their colours: their
+// place, lens or clock may be wrong. One sentence each.
+std::vector<std::string> notes_of_cameras(const Score& train);
 
 using RenderView = std::function<io::Image(uint32_t view)>;
 using IsCancelled = std::function<bool()>;
