@@ -182,6 +182,31 @@ void add_train(CLI::App& app, Arguments& a) {
       "SIGINT, SIGTERM and SIGHUP end a training after a checkpoint, SIGUSR1 writes one.");
 }
 
+void add_bench(CLI::App& app, Arguments& a) {
+  CLI::App* verb = app.add_subcommand(
+      "bench", "Train and score all scenes of a data set, and print the table that papers have");
+  Settings& s = a.run.settings;
+  verb->add_option("protocol", a.protocol, "n3dv, selfcap, hypernerf, dnerf")->required();
+  verb->add_option("data", a.data, "Folder of captures, or one capture")->required();
+  verb->add_option("-o,--output", a.run.folder,
+                   "Folder of the runs; those that have ended there are scored again alone")
+      ->type_name("FOLDER")
+      ->required();
+  verb->add_option("-n,--gaussians", s.gaussians, "As of train")->check(above_zero);
+  auto* steps = verb->add_option("--steps", s.steps, "As of train")->check(above_zero);
+  verb->add_option("--time", s.seconds, "As of train")->check(above_zero)->excludes(steps);
+  verb->add_option("--backend", s.backend, "auto, cpu, cuda")->capture_default_str();
+  verb->add_option("--seed", s.seed, "Of all random numbers")->check(whole_number);
+  verb->add_option("--encode", a.run.preset, "Also encode, with this preset: " + preset_names());
+  verb->add_option("--lpips", a.run.lpips, "As of train")->type_name("FILE");
+  verb->add_flag("--force", a.run.force, "Replace runs that are there");
+  add_common(verb, a);
+  verb->footer(
+      "n3dv: the first 300 frames, 1352 pixels wide; selfcap: all frames, 1920 pixels wide;\n"
+      "hypernerf: as the images are; dnerf: 400 pixels wide, on white. Test cameras are those of\n"
+      "the layout; all their images are scored.");
+}
+
 void add_max_offset(CLI::App* verb, Arguments& a) {
   verb->add_option("--max-offset", a.footage.max_offset,
                    "Seconds that the clocks of two videos are apart, at most")
@@ -263,6 +288,7 @@ Command::Command() : app("Trains scenes of 4D Gaussians from captures, for l4dco
     return "l4dtrain: " + std::string(error.what()) + "; --help lists what there is\n";
   });
   add_train(app, training);
+  add_bench(app, bench);
   CLI::App* eval = app.add_subcommand("eval", "Compare the scene of a run with its capture");
   eval->add_option("run", evaluation.folder, "Folder of the run")->required();
   eval->add_option("--capture", evaluation.moved,

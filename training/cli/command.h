@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "training/footage/footage.h"
+#include "training/run/protocol.h"
 #include "training/run/report/render_capture.h"
-#include "training/run/run.h"
 
 namespace l4d::train {
 
@@ -34,11 +34,12 @@ struct Arguments {
   std::string cache_limit = "64G";
   std::string near = "auto", opacity_weight = "auto", background = "black";
   std::string sheet;
-  std::string page;         // of HTML with the scores of eval; "" = none
-  std::string cameras_out;  // of the cameras with their clocks; "" = none
-  std::string folder;       // of a run that is evaluated, or for a capture that is rendered
-  std::string moved;        // the capture of a run that is evaluated, where it is elsewhere now
-  std::string scene;        // that a capture is rendered of
+  std::string page;            // of HTML with the scores of eval; "" = none
+  std::string cameras_out;     // of the cameras with their clocks; "" = none
+  std::string folder;          // of a run that is evaluated, or for a capture that is rendered
+  std::string protocol, data;  // of bench
+  std::string moved;           // the capture of a run that is evaluated, where it is elsewhere now
+  std::string scene;           // that a capture is rendered of
   std::string size = "320x240", cameras = "16";
   RenderCaptureOptions capture;
   FootageOptions footage;
@@ -52,7 +53,7 @@ struct Command {
   Command& operator=(const Command&) = delete;
 
   CLI::App app;
-  Arguments training, evaluation, inspection, synchronisation, capture;
+  Arguments training, evaluation, inspection, synchronisation, capture, bench;
 };
 
 }  // namespace l4d::train

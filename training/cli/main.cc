@@ -227,6 +227,22 @@ int run_sync(const Arguments& a, Terminal& terminal) {
   return kExitOk;
 }
 
+int run_bench(const Arguments& a, Terminal& terminal) {
+  const std::vector<ProtocolScene> scenes =
+      run_protocol(protocol_of(a.protocol), a.data, a.run.folder, a.run, &terminal);
+  terminal.clear();
+  if (!a.json) {
+    std::printf("%s", table_of(scenes).c_str());
+    return kExitOk;
+  }
+  std::string all;
+  for (const ProtocolScene& scene : scenes) {
+    all += (all.empty() ? "[" : ",\n") + json_of(scene.report);
+  }
+  std::printf("%s]\n", all.c_str());
+  return kExitOk;
+}
+
 int report_failure(int code, const std::string& message) {
   std::fprintf(stderr, "l4dtrain: %s\n", message.c_str());
   return code;
@@ -252,6 +268,7 @@ int run_verb(const CLI::App& app, Arguments& a) {
     std::printf("%s%s", (a.json ? result.json : result.text).c_str(), a.json ? "\n" : "");
     return kExitOk;
   }
+  if (app.got_subcommand("bench")) return run_bench(a, terminal);
   if (app.got_subcommand("sync")) return run_sync(a, terminal);
   if (app.got_subcommand("capture")) return run_capture(a, terminal);
   RunReport report;
@@ -300,9 +317,11 @@ int run_parsed(Command& command) {
   std::signal(SIGXFSZ, SIG_IGN);
   // What does not ask whether it is to stop ends as any program by signals.
   const bool is_film = app.got_subcommand("capture") && is_footage(command.capture.scene);
-  if (app.got_subcommand("train") || app.got_subcommand("eval") || is_film) install_handlers();
+  const bool runs = app.got_subcommand("train") || app.got_subcommand("bench");
+  if (runs || app.got_subcommand("eval") || is_film) install_handlers();
   Arguments& chosen = app.got_subcommand("train")     ? command.training
                       : app.got_subcommand("eval")    ? command.evaluation
+                      : app.got_subcommand("bench")   ? command.bench
                       : app.got_subcommand("sync")    ? command.synchronisation
                       : app.got_subcommand("capture") ? command.capture
                                                       : command.inspection;

@@ -4,8 +4,8 @@
 
 #include <map>
 
+#include "training/run/protocol.h"
 #include "training/run/report/report.h"
-#include "training/run/run.h"
 #include "training/step/cuda_backend.h"
 #include "training/tests/tiny_capture.h"
 
@@ -194,6 +194,34 @@ TEST(RunFolder, TheCaptureOfARunMayMove) {
   const RunReport accepted = train(options, &listener);
   EXPECT_EQ(accepted.steps, 20u);
   EXPECT_EQ(accepted.settings.capture, std::string(folder / "newer"));
+}
+
+// All scenes of a folder in one table; what has ended is not trained again.
+TEST(RunFolder, ProtocolsTrainAllScenes) {
+  EXPECT_EQ(protocol_of("dnerf").background[1], 1);
+  EXPECT_THROW(protocol_of("n4dv"), io::Error);
+  const Folder folder;
+  fs::create_directories(folder / "data/notes");
+  copy_of_capture(folder / "data/first");
+  copy_of_capture(folder / "data/second");
+  RunOptions options = small_run("", 5);
+  Listener listener;
+  const Protocol protocol{"tiny", 32, "0:4", {}};
+  const auto run = [&] {
+    return run_protocol(protocol, folder / "data", folder / "runs", options, &listener);
+  };
+  const std::vector<ProtocolScene> scenes = run();
+  ASSERT_EQ(scenes.size(), 2U);
+  EXPECT_EQ(scenes[0].report.width, 32U);
+  EXPECT_EQ(scenes[0].report.test.plain.views, scenes[0].report.test_images);
+  const std::string table = table_of(scenes);
+  EXPECT_THAT(table,
+              AllOf(HasSubstr("| scene | PSNR | SSIM | DSSIM | test images |"),
+                    HasSubstr("\n| first |"), HasSubstr("\n| second |"), HasSubstr("\n| mean |")));
+  const std::string before = test::bytes_of(folder / "runs/first/scene.ply");
+  options.settings.seed = 9;
+  EXPECT_NEAR(run()[0].report.test.plain.mean_psnr, scenes[0].report.test.plain.mean_psnr, 0.01);
+  EXPECT_TRUE(test::bytes_of(folder / "runs/first/scene.ply") == before);
 }
 
 }  // namespace

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/run/protocol.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include "training/run/report/report.h"
+
+namespace l4d::train {
+namespace {
+
+namespace fs = std::filesystem;
+
+const Protocol kProtocols[] = {
+    {"n3dv", 1352, "0:300", {}},
+    {"selfcap", 1920, "", {}},
+    {"hypernerf", 0, "", {}},
+    {"dnerf", 400, "", {1, 1, 1}},
+};
+
+bool is_capture(const fs::path& path) {
+  std::error_code error;
+  if (!fs::is_directory(path, error)) return false;
+  try {
+    CaptureOptions options;
+    options.tolerant = true;
+    read_capture(path.string(), options);
+    return true;
+  } catch (const io::Error& known) {
+    // What is a layout and cannot be read is an error of its own later.
+    return known.status() != L4D_ERR_FEATURE_UNSUPPORTED;
+  }
+}
+
+std::vector<fs::path> captures_in(const std::string& data) {
+  std::vector<fs::path> found;
+  std::error_code error;
+  for (fs::directory_iterator entry(data, error); !error && entry != fs::directory_iterator();
+       entry.increment(error)) {
+    if (is_capture(entry->path())) found.push_back(entry->path());
+  }
+  if (found.empty() && is_capture(data)) found.push_back(fs::path(data).lexically_normal());
+  if (found.empty()) {
+    throw io::Error(L4D_ERR_IO, data + ": neither it nor a folder in it is a capture");
+  }
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+// A name that ends with a slash has none of its own.
+std::string name_of(const fs::path& path) {
+  return path.filename().empty() ? path.parent_path().filename().string()
+                                 : path.filename().string();
+}
+
+double scale_of(const Protocol& protocol, const std::string& capture,
+                const CaptureOptions& reading) {
+  if (protocol.width == 0) return 1;
+  const Capture read = read_capture(capture, reading);
+  const uint32_t width = read.cameras[0].source.camera.width;
+  return std::min(1.0, static_cast<double>(protocol.width) / width);
+}
+
+std::string cells(const Score& score) {
+  char text[160];
+  std::snprintf(text, sizeof(text), " %.2f | %.4f | %.4f |", score.plain.mean_psnr,
+                score.plain.mean_ssim, (1 - score.plain.mean_ssim) / 2);
+  return text;
+}
+
+// The mean over scenes of what a table has of a score.
+Score mean_of(const std::vector<ProtocolScene>& scenes, Score RunReport::*of) {
+  Score mean;
+  const auto n = static_cast<double>(scenes.size());
+  for (const ProtocolScene& scene : scenes) {
+    const Score& score = scene.report.*of;
+    mean.plain.mean_psnr += score.plain.mean_psnr / n;
+    mean.plain.mean_ssim += score.plain.mean_ssim / n;
+    mean.lpips += score.lpips / n;
+    mean.plain.views += score.plain.views;
+  }
+  return mean;
+}
+
+}  // namespace
+
+Protocol protocol_of(const std::string& name) {
+  std::string names;
+  for (const Protocol& protocol : kProtocols) {
+    if (protocol.name == name) return protocol;
+    names += (names.empty() ? "" : ", ") + protocol.name;
+  }
+  throw io::Error(L4D_ERR_INVALID_ARGUMENT,
+                  "there is no protocol " + name + "; those are " + names);
+}
+
+std::vector<ProtocolScene> run_protocol(const Protocol& protocol, const std::string& data,
+                                        const std::string& runs, RunOptions options,
+                                        RunObserver* observer) {
+  options.scored_instants = 0;
+  options.background = protocol.background;
+  std::vector<ProtocolScene> scenes;
+  for (const fs::path& capture : captures_in(data)) {
+    const std::string name = name_of(capture);
+    options.folder = (fs::path(runs) / name).string();
+    options.settings.capture = capture.string();
+    options.settings.reading.frames = protocol.frames;
+    observer->note("Scene " + name);
+    std::error_code error;
+    if (fs::exists(fs::path(options.folder) / "report.json", error) && !options.force) {
+      scenes.push_back({name, evaluate_run(options.folder, "", options, "", observer)});
+      continue;
+    }
+    options.settings.scale = scale_of(protocol, capture.string(), options.settings.reading);
+    scenes.push_back({name, train(options, observer)});
+  }
+  return scenes;
+}
+
+std::string table_of(const std::vector<ProtocolScene>& scenes) {
+  const bool has_lpips = !scenes.empty() && !scenes[0].report.lpips.empty();
+  const bool has_stream = !scenes.empty() && scenes[0].report.stream_bytes > 0;
+  std::string out = "| scene | PSNR | SSIM | DSSIM |";
+  std::string rule = "|---|---:|---:|---:|";
+  const auto column = [&](const std::string& title) {
+    out += " " + title + " |";
+    rule += "---:|";
+  };
+  if (has_lpips) column("LPIPS (" + scenes[0].report.lpips + ")");
+  column("test images");
+  column("training s");
+  column("Gaussians");
+  for (const char* title : {"stream MB", "stream PSNR", "SSIM", "DSSIM"}) {
+    if (has_stream) column(title);
+  }
+  if (has_stream && has_lpips) column("LPIPS");
+  out += "\n" + rule + "\n";
+  const auto row = [&](const std::string& name, const Score& test, double seconds, double gaussians,
+                       double bytes, const Score& stream) {
+    char text[80];
+    const auto number = [&](const char* format, double value) {
+      std::snprintf(text, sizeof(text), format, value);
+      out += text;
+    };
+    out += "| " + name + " |" + cells(test);
+    if (has_lpips) number(" %.4f |", test.lpips);
+    number(" %.0f |", static_cast<double>(test.plain.views));
+    number(" %.0f |", seconds);
+    number(" %.0f |", gaussians);
+    if (has_stream) {
+      number(" %.3f |", bytes / 1e6);
+      out += cells(stream);
+      if (has_lpips) number(" %.4f |", stream.lpips);
+    }
+    out += "\n";
+  };
+  double seconds = 0, gaussians = 0, bytes = 0;
+  const auto n = static_cast<double>(scenes.size());
+  for (const ProtocolScene& scene : scenes) {
+    const RunReport& r = scene.report;
+    row(scene.name, r.test, r.training_seconds, static_cast<double>(r.gaussians),
+        static_cast<double>(r.stream_bytes), r.stream_test);
+    seconds += r.training_seconds / n;
+    gaussians += static_cast<double>(r.gaussians) / n;
+    bytes += static_cast<double>(r.stream_bytes) / n;
+  }
+  if (scenes.size() > 1) {
+    row("mean", mean_of(scenes, &RunReport::test), seconds, gaussians, bytes,
+        mean_of(scenes, &RunReport::stream_test));
+  }
+  return out;
+}
+
+}  // namespace l4d::train
