@@ -140,7 +140,7 @@ OUTSIDE = {
 # files of its own folder and of those before it.
 ORDER = {
     "cli": ["text", "command", "input", "http", "verbs", ""],
-    "eval": ["", "scene", "pair", "views", "image", "target", "refit"],
+    "eval": ["", "scene", "pair", "views", "jod", "image", "target", "refit"],
     "encoder": ["prepare", "plan", "search", "component", "layer", "file", "", "session"],
     "io": ["scene", "file", "ply", "formats", "sequence", "image", "camera", "synth"],
     "render": ["view", "frame", "cpu", "cuda", "", "importance", "api"],
