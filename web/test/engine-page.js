@@ -217,8 +217,14 @@ function install() {
           if (!spark) tools.draw(target);
         } while (isBusy());
       }
-      tools.draw(target);
-      return target ? tools.read(target) : tools.pixels();
+      // A page that is still beginning may change its size or what it draws with: until a picture repeats.
+      for (let last = null; ;) {
+        tools.draw(target);
+        const now = target ? tools.read(target) : tools.pixels();
+        if (last?.length === now.length && now.every((v, k) => v === last[k]) && !isBusy()) return now;
+        last = now;
+        await pause();
+      }
     },
     /** Of the canvas: an engine may leave another framebuffer bound. */
     pixels() {
