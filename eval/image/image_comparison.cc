@@ -40,8 +40,9 @@ class Videos {
   Videos(const CameraViews& all, bool images, const JodDisplay* display, uint32_t threads)
       : all_(all), images_(images), display_(display), threads_(threads) {
     if (display == nullptr) return;
-    for (size_t k = 0; k < all.views.size(); ++k) by_camera_[all.views[k].camera].push_back(k);
-    for (auto& [camera, views] : by_camera_) {
+    std::map<size_t, std::vector<size_t>> by_camera;
+    for (size_t k = 0; k < all.views.size(); ++k) by_camera[all.views[k].camera].push_back(k);
+    for (auto& [camera, views] : by_camera) {
       std::stable_sort(views.begin(), views.end(),
                        [&](size_t a, size_t b) { return all.views[a].time < all.views[b].time; });
       const double fps = fps_of(all, views);
@@ -97,7 +98,6 @@ class Videos {
   const bool images_;
   const JodDisplay* display_;
   const uint32_t threads_;
-  std::map<size_t, std::vector<size_t>> by_camera_;
   std::map<size_t, CameraJod> videos_;
   std::vector<std::unique_ptr<JodMeter>> meters_;
 };

@@ -20,32 +20,38 @@ const Protocol kProtocols[] = {
     {"dnerf", 400, "", {1, 1, 1}},
 };
 
-bool is_capture(const fs::path& path) {
+struct Found {
+  fs::path path;
+  uint32_t width = 0;  // of its images, pixels; 0: they cannot be read, which the training says
+};
+
+// Adds the path if it is a capture.
+void add_capture(const fs::path& path, std::vector<Found>* found) {
   std::error_code error;
-  if (!fs::is_directory(path, error)) return false;
+  if (!fs::is_directory(path, error)) return;
   try {
     CaptureOptions options;
     options.tolerant = true;
-    read_capture(path.string(), options);
-    return true;
+    const Capture capture = read_capture(path.string(), options);
+    found->push_back({path, capture.cameras[0].source.camera.width});
   } catch (const io::Error& known) {
-    // What is a layout and cannot be read is an error of its own later.
-    return known.status() != L4D_ERR_FEATURE_UNSUPPORTED;
+    if (known.status() != L4D_ERR_FEATURE_UNSUPPORTED) found->push_back({path, 0});
   }
 }
 
-std::vector<fs::path> captures_in(const std::string& data) {
-  std::vector<fs::path> found;
+std::vector<Found> captures_in(const std::string& data) {
+  std::vector<Found> found;
   std::error_code error;
   for (fs::directory_iterator entry(data, error); !error && entry != fs::directory_iterator();
        entry.increment(error)) {
-    if (is_capture(entry->path())) found.push_back(entry->path());
+    add_capture(entry->path(), &found);
   }
-  if (found.empty() && is_capture(data)) found.push_back(fs::path(data).lexically_normal());
+  if (found.empty()) add_capture(fs::path(data).lexically_normal(), &found);
   if (found.empty()) {
     throw io::Error(L4D_ERR_IO, data + ": neither it nor a folder in it is a capture");
   }
-  std::sort(found.begin(), found.end());
+  std::sort(found.begin(), found.end(),
+            [](const Found& a, const Found& b) { return a.path < b.path; });
   return found;
 }
 
@@ -53,14 +59,6 @@ std::vector<fs::path> captures_in(const std::string& data) {
 std::string name_of(const fs::path& path) {
   return path.filename().empty() ? path.parent_path().filename().string()
                                  : path.filename().string();
-}
-
-double scale_of(const Protocol& protocol, const std::string& capture,
-                const CaptureOptions& reading) {
-  if (protocol.width == 0) return 1;
-  const Capture read = read_capture(capture, reading);
-  const uint32_t width = read.cameras[0].source.camera.width;
-  return std::min(1.0, static_cast<double>(protocol.width) / width);
 }
 
 std::string cells(const Score& score) {
@@ -102,7 +100,7 @@ std::vector<ProtocolScene> run_protocol(const Protocol& protocol, const std::str
   options.scored_instants = 0;
   options.background = protocol.background;
   std::vector<ProtocolScene> scenes;
-  for (const fs::path& capture : captures_in(data)) {
+  for (const auto& [capture, width] : captures_in(data)) {
     const std::string name = name_of(capture);
     options.folder = (fs::path(runs) / name).string();
     options.settings.capture = capture.string();
@@ -113,7 +111,8 @@ std::vector<ProtocolScene> run_protocol(const Protocol& protocol, const std::str
       scenes.push_back({name, evaluate_run(options.folder, "", options, "", observer)});
       continue;
     }
-    options.settings.scale = scale_of(protocol, capture.string(), options.settings.reading);
+    const bool is_larger = protocol.width != 0 && width > protocol.width;
+    options.settings.scale = is_larger ? static_cast<double>(protocol.width) / width : 1;
     scenes.push_back({name, train(options, observer)});
   }
   return scenes;
@@ -147,7 +146,12 @@ std::string table_of(const std::vector<ProtocolScene>& scenes) {
     out += "| " + name + " |" + cells(test);
     if (has_lpips) number(" %.4f |", test.lpips);
     number(" %.0f |", static_cast<double>(test.plain.views));
-    number(" %.0f |", seconds);
+    // A run that was only scored again does not say how long it trained.
+    if (seconds > 0) {
+      number(" %.0f |", seconds);
+    } else {
+      out += " – |";
+    }
     number(" %.0f |", gaussians);
     if (has_stream) {
       number(" %.3f |", bytes / 1e6);
