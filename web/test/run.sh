@@ -98,25 +98,23 @@ export L4D_TOOL=$tool L4D_WASM=$root/build/wasm/bin/l4d.wasm
 export L4D_STREAMS=$work/long.l4d:$work/short.l4d:$work/indexed.l4d:$work/lossless.l4d:$work/frames.l4d
 L4D_STREAMS+=:$work/tiers.l4d:$work/dilated.l4d:$work/drawn.l4d
 export L4D_ROOT=$root L4D_WORK=$work
-# A test of a browser may depend on which of two things comes first, and fail in one run of many. So files that fail
-# run once more, and fail if they fail again. The summary of all tests names those that failed at first. It reads
-# that from the first lines: of what a passing test prints, ctest keeps no more than 1024 bytes.
-# twice NAME COMMAND...
-twice() {
-  local log=$work/first.$1.log
-  shift
-  if "$@" >"$log"; then
-    cat "$log"
-  else
-    grep '^not ok' "$log" | sed 's/^not ok [0-9]* - /failed at first: /' || echo "failed at first: $*"
-    cat "$log"
-    "$@"
-  fi
-}
 # The timeout, in ms, is also that of a file.
 case $kind in
   # They wait more than they compute.
   core) node --test --test-timeout=900000 --test-concurrency=6 web/core/test/*.test.js web/view/test/*.test.js ;;
-  browser) twice "${files[0]##*/}" node --test --test-timeout=2400000 --test-concurrency=2 "${files[@]}" ;;
-  *) twice "$kind" node --test --test-timeout=900000 --test-concurrency=1 "web/$kind"/test/*.test.js ;;
+  # A test of a browser may depend on which of two things comes first, and fail in one run of many. So files that fail
+  # run once more, and fail if they fail again. The summary of all tests names those that failed at first. It reads
+  # that from the first lines: of what a passing test prints, ctest keeps no more than 1024 bytes.
+  browser)
+    run() { node --test --test-timeout=2400000 --test-concurrency=2 "${files[@]}"; }
+    log=$work/first.${files[0]##*/}.log
+    if run >"$log"; then
+      cat "$log"
+    else
+      grep '^not ok' "$log" | sed 's/^not ok [0-9]* - /failed at first: /' || echo "failed at first: ${files[*]}"
+      cat "$log"
+      run
+    fi
+    ;;
+  *) node --test --test-timeout=900000 --test-concurrency=1 "web/$kind"/test/*.test.js ;;
 esac

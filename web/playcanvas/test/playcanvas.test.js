@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 import {testEngine} from '../../test/engine-page.js';
 
-testEngine('playcanvas', 'PlayCanvas', async () => {
+testEngine('playcanvas', 'PlayCanvas', () => {
   const {app, camera, mesh, splats, Mat4, Quat} = /** @type {any} */ (globalThis).example;
-  // It sets up what it draws with its first frame.
-  await new Promise(resolve => app.once('frameend', resolve));
   app.autoRender = false;
   const tools = {
     gl: app.graphicsDevice.gl,

@@ -187,8 +187,6 @@ test('both eyes of a headset, which have one order', async () => {
       movie.pause();
       await tools.seek(1.5);
       tools.eyes = await picture();
-      const eyes = xr.getCamera().cameras.map(({matrixWorldInverse, projectionMatrix, viewport: {width, height}}) => (
-        {view: [...matrixWorldInverse.elements], projection: [...projectionMatrix.elements], size: [width, height]}));
       // A mesh before all splats.
       tools.mesh = [];
       example.mesh.position.set(5.5, -1.5, 3.2);
@@ -201,6 +199,8 @@ test('both eyes of a headset, which have one order', async () => {
           tools.mesh.push(green);
         }
       }
+      const eyes = xr.getCamera().cameras.map(({matrixWorldInverse, projectionMatrix, viewport: {width, height}}) => (
+        {view: matrixWorldInverse.elements, projection: projectionMatrix.elements, size: [width, height]}));
       return {eyes, sorts, mesh: tools.mesh};
     }, madeCameras[1]);
     assert.ok(sorts.length > 5 && Math.max(...sorts) === 1, `${sorts}`);
