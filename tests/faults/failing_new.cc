@@ -16,8 +16,9 @@
 #endif
 #endif
 #ifdef L4D_KEEPS_LARGE_BLOCKS
-#include <sanitizer/allocator_interface.h>
 #include <sanitizer/asan_interface.h>
+// Of sanitizer/allocator_interface.h, which gcc does not have.
+extern "C" size_t __sanitizer_get_allocated_size(const volatile void* p);
 #endif
 
 namespace {
