@@ -3,12 +3,13 @@
 import {createServer} from 'node:http';
 
 /**
+ * @typedef {{begin: number, end: number, status: number, headers: Record<string, any>, body: Uint8Array}} Answer
  * @param {Uint8Array} bytes
  * @param {{ranges?: boolean, etag?: () => string, fail?: (count: number) => number | 'cut' | 'silent' | 'stuck' | undefined, rate?: number,
- *   headers?: (count: number) => Record<string, string>}} [options] fail: a status to answer instead; 'cut': half of the answer,
- *   'stuck': that, and no end; 'silent': no answer; rate: bytes a second of all answers together; headers: also of answers
+ *   headers?: (count: number) => Record<string, string>, lie?: (answer: Answer) => void}} [options] fail: a status to answer instead; 'cut': half of the answer,
+ *   'stuck': that, and no end; 'silent': no answer; rate: bytes a second of all answers together; headers: also of answers; lie: changes an answer
  */
-export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail, rate = Infinity, headers = () => ({})} = {}) => {
+export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail, rate = Infinity, headers = () => ({}), lie} = {}) => {
   let free = 0;
   /** @type {[number, number][]} */
   const requests = [];
@@ -26,12 +27,15 @@ export const serve = async (bytes, {ranges = true, etag = () => '"1"', fail, rat
     if (typeof fault === 'number') return response.writeHead(fault).end();
     if (fault === 'silent') return;
     const part = ranges && match;
-    const body = part ? bytes.subarray(begin, end) : bytes;
     if (part && begin >= bytes.length) return response.writeHead(416).end();
-    response.writeHead(part ? 206 : 200, {
-      'Content-Length': body.length, ...etag() && {ETag: etag()},
-      ...part && {'Content-Range': `bytes ${begin}-${end - 1}/${bytes.length}`}, ...headers(requests.length)
-    });
+    /** @type {Answer} */
+    const answer = {
+      begin, end, status: part ? 206 : 200, body: part ? bytes.subarray(begin, end) : bytes,
+      headers: {...etag() && {ETag: etag()}, ...part && {'Content-Range': `bytes ${begin}-${end - 1}/${bytes.length}`}, ...headers(requests.length)}
+    };
+    lie?.(answer);
+    const {body} = answer;
+    response.writeHead(answer.status, {'Content-Length': body.length, ...answer.headers});
     if (fault === 'cut' || fault === 'stuck') {
       response.write(body.subarray(0, body.length / 2), () => { if (fault === 'cut') response.destroy(); });
     } else {
