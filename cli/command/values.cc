@@ -2,59 +2,32 @@
 #include "cli/command/values.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <string_view>
 
 #include "cli/command/failure.h"
+#include "io/file/amounts.h"
+#include "io/file/file.h"
 
 namespace l4d::cli {
 namespace {
 
-// Reads a finite decimal number at the start of `text`; returns what follows it, or nullptr.
-// from_chars, because strtod obeys the locale.
-const char* read_number(const std::string& text, double* value) {
-  const char* end = text.data() + text.size();
-  const auto [next, error] = std::from_chars(text.data(), end, *value);
-  return error == std::errc() && std::isfinite(*value) ? next : nullptr;
-}
+using io::drop_suffix;
+using io::read_number;
 
-std::string drop_suffix(const std::string& text, const std::string& suffix) {
-  const bool has = text.size() > suffix.size() &&
-                   text.compare(text.size() - suffix.size(), suffix.size(), suffix) == 0;
-  return has ? text.substr(0, text.size() - suffix.size()) : text;
+// What is wrong with an option's value is a usage error.
+template <typename Parse>
+auto as_usage(const Parse& parse) {
+  try {
+    return parse();
+  } catch (const io::Error& error) {
+    throw usage_error(error.what());
+  }
 }
 
 }  // namespace
 
 uint64_t parse_size(const std::string& text, const std::string& option) {
-  double value = 0;
-  const char* rest = read_number(text, &value);
-  if (rest == nullptr || value < 0) {
-    throw usage_error(option + ": '" + text + "' is no count or size, such as 4096, 64KiB or 1.5M");
-  }
-  std::string suffix = rest;
-  if (!suffix.empty() && suffix.back() == 'B') suffix.pop_back();
-  const double base = suffix.size() == 2 && suffix[1] == 'i' ? 1024 : 1000;
-  if (base == 1024) suffix.pop_back();
-  constexpr char kPrefixes[] = "kMGT";
-  double factor = 1;
-  if (!suffix.empty()) {
-    const char prefix = suffix[0] == 'K' ? 'k' : suffix[0];
-    const char* found = std::string_view(kPrefixes).find(prefix) == std::string_view::npos
-                            ? nullptr
-                            : kPrefixes + std::string_view(kPrefixes).find(prefix);
-    if (suffix.size() != 1 || found == nullptr) {
-      throw usage_error(option + ": '" + text + "': suffixes are k M G T, Ki Mi Gi Ti, then B");
-    }
-    factor = std::pow(base, static_cast<double>(found - kPrefixes) + 1);
-  }
-  const double size = value * factor;
-  if (size > 9e18) throw usage_error(option + ": '" + text + "' is too large");
-  if (size != std::floor(size)) {
-    throw usage_error(option + ": '" + text + "' is not a whole number");
-  }
-  return static_cast<uint64_t>(size);
+  return as_usage([&] { return io::parse_size(text, option); });
 }
 
 double parse_number(const std::string& text, const std::string& option) {
@@ -77,10 +50,7 @@ double parse_fps(const std::string& text, const std::string& option) {
 }
 
 double parse_bitrate(const std::string& text, const std::string& option) {
-  const std::string amount = drop_suffix(text, "/s");
-  const std::string bits = drop_suffix(amount, "bit");
-  return bits != amount ? static_cast<double>(parse_size(bits, option)) / 8
-                        : static_cast<double>(parse_size(amount, option));
+  return as_usage([&] { return io::parse_bitrate(text, option); });
 }
 
 double parse_decibels(const std::string& text, const std::string& option) {

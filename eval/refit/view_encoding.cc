@@ -37,9 +37,27 @@ ViewEncoding encode_for_views(const EncoderHandle& encoder, const io::Scene& sce
   set_weights(out.importance.weights);
   RefitCalls calls;
   calls.begin = [&](const std::string&) -> Observer& { return observer; };
-  calls.encode_plain = [&] {
-    return encode_scene(observer, encoder, "", true, options.rendering.holder);
+  const auto encode = [&](QualitySearch* search) {
+    if (!options.target) return encode_scene(observer, encoder, "", true, options.rendering.holder);
+    TargetCalls trials;
+    trials.begin = [&](size_t, double) -> Observer& { return observer; };
+    trials.measure = [&](const Encoding& made, Observer& hears) {
+      return measure_target(*options.target, Decoding(), hears, scene, made);
+    };
+    trials.holder = options.rendering.holder;
+    Encoding best;
+    *search = encode_to_target(*options.target, encoder, trials, &best).search;
+    return best;
   };
+  calls.encode_plain = [&] { return encode(&out.search); };
+  QualitySearch fitted;
+  if (options.target) {
+    calls.encode_fitted = [&]() -> std::optional<Encoding> {
+      Encoding made = encode(&fitted);
+      if (out.search.result().met && !fitted.result().met) return std::nullopt;
+      return made;
+    };
+  }
   calls.measure = [&](const io::Scene& part) {
     // What stays stays, whatever these views show; as for the scene where its views are many.
     const size_t most_views = is_long ? 0 : defaults.views_after;
@@ -52,7 +70,7 @@ ViewEncoding encode_for_views(const EncoderHandle& encoder, const io::Scene& sce
     return out;
   }
   RefitInput input{scene, out.importance.weights, views, options.rendering};
-  input.fidelity = encoder.value(L4D_ENC_QUALITY);
+  if (!options.target) input.fidelity = encoder.value(L4D_ENC_QUALITY);
   input.passes = defaults.passes;
   input.fit_views = defaults.fit_views;
   input.max_render_bytes = options.max_render_bytes;
@@ -61,6 +79,7 @@ ViewEncoding encode_for_views(const EncoderHandle& encoder, const io::Scene& sce
   input.preset = options.preset;
   out.refit = refit(input, encoder, calls);
   out.encoding = std::move(out.refit->encoding);
+  if (options.target && out.refit->is_kept) out.search = std::move(fitted);
   return out;
 }
 

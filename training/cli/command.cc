@@ -130,6 +130,25 @@ void add_memory(CLI::App* verb, Arguments& a) {
       ->capture_default_str();
 }
 
+// In one number how large or how good the stream is to be.
+void add_stream(CLI::App* verb, Arguments& a) {
+  auto* size = verb->add_option(
+      "--size", a.size,
+      "Train for a stream of at most this many bytes, as 2MB, and encode it: chooses the number of "
+      "Gaussians, removes those that images miss least until they fit, and searches the quality");
+  auto* bitrate =
+      verb->add_option("--bitrate", a.bitrate,
+                       "Likewise, for so many bytes or bits per second of the capture: 3Mbit/s")
+          ->excludes(size);
+  verb->add_option(
+          "--quality", a.run.settings.quality,
+          "Encode so that renders of the stream are this near the scene's, in dB, in place "
+          "of the preset's; removes Gaussians as --codec prune")
+      ->check(CLI::Range(20, 90))
+      ->excludes(size)
+      ->excludes(bitrate);
+}
+
 void add_train(CLI::App& app, Arguments& a) {
   CLI::App* verb = app.add_subcommand("train", "Train a scene from a capture");
   Settings& s = a.run.settings;
@@ -163,6 +182,7 @@ void add_train(CLI::App& app, Arguments& a) {
       ->capture_default_str();
   verb->add_option("--encode", a.run.preset,
                    "Also encode, with this preset of the encoder: " + preset_names());
+  add_stream(verb, a);
   add_scores(verb, a);
   verb->add_option("--checkpoint-every", a.run.checkpoint_seconds, "Seconds between checkpoints")
       ->check(above_zero)
@@ -177,6 +197,7 @@ void add_train(CLI::App& app, Arguments& a) {
   verb->footer(
       "Examples:\n"
       "  l4dtrain train capture -o run --encode default\n"
+      "  l4dtrain train capture -o run --size 2MB\n"
       "  l4dtrain train capture -o run --time 600 --scale 0.5 --gaussians 200000\n"
       "  l4dtrain train capture -o run --resume\n"
       "SIGINT, SIGTERM and SIGHUP end a training after a checkpoint, SIGUSR1 writes one.");
@@ -249,7 +270,7 @@ void add_capture(CLI::App& app, Arguments& a) {
                    "Number of cameras around the scene, or a file of them, as `l4dcodec cameras` "
                    "makes; the first and every 8th after it test, unless the file names others")
       ->capture_default_str();
-  verb->add_option("--size", a.size, "Pixels of images of cameras around the scene: 320x240")
+  verb->add_option("--size", a.image_size, "Pixels of images of cameras around the scene: 320x240")
       ->capture_default_str();
   verb->add_option("--points", a.capture.points,
                    "Also write points.ply, so many points on what training cameras see, each off "

@@ -33,6 +33,7 @@ struct Arguments {
   std::string limit_memory, host_memory = "8G", device_memory = "auto", bucket_memory = "8G";
   std::string cache_limit = "64G";
   std::string near = "auto", opacity_weight = "auto", background = "black";
+  std::string size, bitrate;  // of the stream
   std::string sheet;
   std::string page;            // of HTML with the scores of eval; "" = none
   std::string cameras_out;     // of the cameras with their clocks; "" = none
@@ -40,7 +41,7 @@ struct Arguments {
   std::string protocol, data;  // of bench
   std::string moved;           // the capture of a run that is evaluated, where it is elsewhere now
   std::string scene;           // that a capture is rendered of
-  std::string size = "320x240", cameras = "16";
+  std::string image_size = "320x240", cameras = "16";
   RenderCaptureOptions capture;
   FootageOptions footage;
   bool json = false, quiet = false;

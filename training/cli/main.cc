@@ -12,6 +12,7 @@
 #include <optional>
 #include <string>
 
+#include "io/file/amounts.h"
 #include "io/formats/scene_file.h"
 #include "l4d/l4d.hpp"
 #include "training/cli/command.h"
@@ -194,7 +195,7 @@ int run_capture(Arguments& a, Terminal& terminal) {
   RenderCaptureOptions& capture = a.capture;
   const bool is_number = a.cameras.find_first_not_of("0123456789") == std::string::npos;
   if (!is_number) capture.camera_file = a.cameras;
-  if (std::sscanf(a.size.c_str(), "%ux%u%c", &capture.width, &capture.height, &rest) != 2 ||
+  if (std::sscanf(a.image_size.c_str(), "%ux%u%c", &capture.width, &capture.height, &rest) != 2 ||
       capture.width < 1 || capture.height < 1 || capture.width > L4D_MAX_IMAGE_SIDE ||
       capture.height > L4D_MAX_IMAGE_SIDE ||
       (is_number && (std::sscanf(a.cameras.c_str(), "%u", &capture.cameras) != 1 ||
@@ -260,6 +261,19 @@ int written(int code) {
   return report_failure(kExitIo, "cannot write to the standard output" + why);
 }
 
+// What the stream is to be.
+void set_stream(Arguments* a) {
+  RunOptions& run = a->run;
+  if (!a->size.empty()) run.settings.size = io::parse_size(a->size, "--size");
+  if (!a->bitrate.empty()) run.bitrate = io::parse_bitrate(a->bitrate, "--bitrate");
+  if ((!a->size.empty() && run.settings.size == 0) || (!a->bitrate.empty() && run.bitrate == 0)) {
+    throw io::Error(L4D_ERR_INVALID_ARGUMENT, "--size and --bitrate must be positive");
+  }
+  if (a->size.empty() && a->bitrate.empty() && run.settings.quality == 0) return;
+  if (run.preset.empty()) run.preset = "default";
+  if (run.settings.codec == "off") run.settings.codec = "prune";
+}
+
 int run_verb(const CLI::App& app, Arguments& a) {
   Terminal terminal(a.quiet);
   if (app.got_subcommand("inspect")) {
@@ -274,16 +288,17 @@ int run_verb(const CLI::App& app, Arguments& a) {
   RunReport report;
   if (a.background == "white") a.run.background = {1, 1, 1};
   if (app.got_subcommand("train")) {
-    a.run.settings.host_memory = bytes_of("--host-memory", a.host_memory);
+    a.run.settings.host_memory = io::parse_size(a.host_memory, "--host-memory");
     a.run.may_shrink_images = app.get_subcommand("train")->count("--host-memory") == 0;
-    a.run.cache_bytes = bytes_of("--cache-limit", a.cache_limit);
-    if (!a.limit_memory.empty()) a.run.limit_memory = bytes_of("--limit-memory", a.limit_memory);
+    a.run.cache_bytes = io::parse_size(a.cache_limit, "--cache-limit");
+    if (!a.limit_memory.empty())
+      a.run.limit_memory = io::parse_size(a.limit_memory, "--limit-memory");
     if (!a.limit_memory.empty() && a.run.limit_memory == 0) {
       throw io::Error(L4D_ERR_INVALID_ARGUMENT, "--limit-memory must be positive");
     }
-    a.run.bucket_memory = bytes_of("--bucket-memory", a.bucket_memory);
+    a.run.bucket_memory = io::parse_size(a.bucket_memory, "--bucket-memory");
     if (a.device_memory != "auto") {
-      a.run.settings.device_memory = bytes_of("--device-memory", a.device_memory);
+      a.run.settings.device_memory = io::parse_size(a.device_memory, "--device-memory");
       if (a.run.settings.device_memory == 0) {
         throw io::Error(L4D_ERR_INVALID_ARGUMENT, "--device-memory must be positive");
       }
@@ -292,6 +307,7 @@ int run_verb(const CLI::App& app, Arguments& a) {
     if (a.opacity_weight != "auto") {
       a.run.settings.opacity_weight = number_of("--opacity-weight", a.opacity_weight);
     }
+    set_stream(&a);
     report = train(a.run, &terminal);
   } else {
     report = evaluate_run(a.folder, a.moved, a.run, a.page, &terminal);

@@ -24,27 +24,6 @@ std::string what_it_is(const std::string& text) { return "it is \"" + text + "\"
 
 }  // namespace
 
-uint64_t bytes_of(const char* option, const std::string& text) {
-  size_t used = 0;
-  double value = -1;
-  try {
-    value = std::stod(text, &used);
-  } catch (const std::exception&) {
-  }
-  const std::string unit = used <= text.size() ? text.substr(used) : "";
-  const double factor = unit == "k"    ? 1e3
-                        : unit == "M"  ? 1e6
-                        : unit == "G"  ? 1e9
-                        : unit.empty() ? 1
-                                       : 0;
-  if (!(value >= 0 && value < 1e12) || factor == 0) {
-    throw io::Error(
-        L4D_ERR_INVALID_ARGUMENT,
-        std::string(option) + " is \"" + text + "\"; it must be a number of bytes like 500M or 8G");
-  }
-  return static_cast<uint64_t>(value * factor);
-}
-
 double number_of(const char* option, const std::string& text) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);

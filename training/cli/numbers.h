@@ -7,9 +7,6 @@
 // Numbers on the command line.
 namespace l4d::train {
 
-// Bytes: "500M", "8G", "1000000". Throws io::Error.
-uint64_t bytes_of(const char* option, const std::string& text);
-
 // A number of 0 or more, of an option that may also be "auto". Throws io::Error.
 double number_of(const char* option, const std::string& text);
 

@@ -44,9 +44,14 @@ void encode(const io::Scene& scene, RunParts* parts, RunReport* report) {
   if (parts->options.limit_memory > 0)
     how.max_render_bytes = parts->options.limit_memory / kRenderShare;
   how.seed = parts->settings.seed;
-  const eval::ViewEncoding made =
-      eval::encode_for_views(make_encoder(scene, parts->options.preset, parts->options.threads),
-                             scene, views_of(parts->capture, *parts->loader, "train"), how, hears);
+  const EncoderHandle encoder = make_encoder(scene, parts->options.preset, parts->options.threads);
+  if (parts->settings.quality > 0) encoder.set(L4D_ENC_QUALITY, parts->settings.quality);
+  if (parts->settings.size > 0) {
+    how.target.emplace();
+    how.target->requested = static_cast<double>(parts->settings.size);
+  }
+  const eval::ViewEncoding made = eval::encode_for_views(
+      encoder, scene, views_of(parts->capture, *parts->loader, "train"), how, hears);
   io::write_weights_ply(parts->file("weights.ply"), made.importance.weights);
   const std::string stream = parts->file("scene.l4d");
   parts->write("scene.l4d", made.encoding.stream);
@@ -58,10 +63,15 @@ void encode(const io::Scene& scene, RunParts* parts, RunReport* report) {
   io::write_png(parts->file("stream.png"), parts->sample().beside(parts->trainer.get(), render));
   report->stream_train = score(*parts, "train", render);
   report->stream_test = score(*parts, "test", render);
-  const std::string note =
-      note_of_stream(report->train.plain.mean_psnr, report->stream_train.plain.mean_psnr,
-                     parts->settings.codec == "settle");
-  if (!note.empty()) parts->say(note);
+  if (parts->settings.size == 0) {
+    const std::string note =
+        note_of_stream(report->train.plain.mean_psnr, report->stream_train.plain.mean_psnr,
+                       parts->settings.codec == "settle");
+    if (!note.empty()) parts->say(note);
+  } else if (!made.search.result().met) {
+    parts->say("The stream has " + std::to_string(report->stream_bytes) + " bytes, more than the " +
+               std::to_string(parts->settings.size) + " of --size");
+  }
 }
 
 }  // namespace

@@ -34,9 +34,7 @@ class Run {
   RunReport run() {
     if (!options_.preset.empty()) check_preset(options_.preset);
     check(options_.settings);
-    if (options_.settings.codec == "settle" && options_.preset.empty()) {
-      throw Error(L4D_ERR_INVALID_ARGUMENT, "--codec settle needs --encode PRESET");
-    }
+    check_stream();
     read_network();
     check_folder(options_);
     read_the_capture();
@@ -67,6 +65,21 @@ class Run {
   }
 
  private:
+  void check_stream() const {
+    const Settings& s = options_.settings;
+    const bool aims = s.size > 0 || options_.bitrate > 0 || s.quality > 0;
+    if (options_.preset.empty() && (aims || s.codec == "settle")) {
+      throw Error(
+          L4D_ERR_INVALID_ARGUMENT,
+          std::string(aims ? "a size or a quality" : "--codec settle") + " needs --encode PRESET");
+    }
+    if (aims) check_quality(options_.preset);
+    if ((s.size > 0 || options_.bitrate > 0) && s.codec != "prune") {
+      throw Error(L4D_ERR_INVALID_ARGUMENT,
+                  "--size and --bitrate need --codec prune, which they choose where none is given");
+    }
+  }
+
   // As it is stored, and as it is used.
   void read_network() {
     std::error_code error;
@@ -102,7 +115,11 @@ class Run {
 
   void resolve_settings() {
     const l4d_camera& camera = parts_.loader->camera(0);
-    settings_ = resolved(options_.settings, capture_, camera.width, camera.height);
+    Settings asked = options_.settings;
+    if (options_.bitrate > 0) {
+      asked.size = static_cast<uint64_t>(options_.bitrate * io::duration(capture_.timeline()));
+    }
+    settings_ = resolved(asked, capture_, camera.width, camera.height);
     settings_.host_memory = shares_.images;
     settings_.preset = options_.preset;
     settings_.capture = absolute_path(settings_.capture);

@@ -21,6 +21,13 @@ TEST(Prune, TakesTheLeast) {
   EXPECT_TRUE(most_important({}, 0.5).empty());
 }
 
+TEST(Prune, LeavesWhatASizeHasRoomFor) {
+  EXPECT_EQ(share_over(1000, 1000, 3), 0);
+  EXPECT_EQ(share_over(1000, 250, 1), 0.75);
+  // Alike at each of those that are left.
+  EXPECT_NEAR(share_over(8000, 1000, 3), 0.5, 1e-12);
+}
+
 // The estimate against images: removing the three tenths with the least predicted loss changes them
 // less than removing those of the least opacity, and much less than removing the other end.
 TEST(Prune, PredictsWhatImagesLose) {
@@ -65,8 +72,8 @@ TEST(Prune, AsksTheEncoder) {
       eval::measure_importance(rendering_of({}, 1), scene, views,
                                eval::measure_options(0, views.views.size(), 0))
           .weights;
-  const std::vector<uint8_t> small = worth_their_bits(scene, weights, "small", 1);
-  const std::vector<uint8_t> tiny = worth_their_bits(scene, weights, "tiny", 1);
+  const std::vector<uint8_t> small = trial_encode(scene, weights, "small", 1).kept;
+  const std::vector<uint8_t> tiny = trial_encode(scene, weights, "tiny", 1).kept;
   ASSERT_EQ(small.size(), scene.count());
   const auto kept = std::count(small.begin(), small.end(), 1);
   EXPECT_LT(std::count(tiny.begin(), tiny.end(), 1), kept);

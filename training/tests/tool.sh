@@ -204,6 +204,16 @@ expect 0 "stream +[0-9]+ bytes" train "${options[@]}" -o coded --steps 60 --enco
 cmp coded/scene.l4d again.l4d || die "l4dcodec encode --cameras makes another stream"
 "$codec" info coded/scene.l4d >out
 grep -q "^presentation: camera=" out || die "the stream states no first view"
+# For a size in one number: the stream that the encoder's own target makes, of fewer Gaussians than were trained.
+expect 0 "stream +[0-9]+ bytes" train "${options[@]}" -o sized --steps 60 --size 4kB -q
+"$codec" encode sized/scene.ply --cameras sized/cameras.json --target-size 4kB -o again.l4d -f --quiet
+cmp sized/scene.l4d again.l4d || die "--size makes another stream than --target-size"
+[ "$(stat -c %s sized/scene.l4d)" -le 4000 ] || die "the stream is larger than --size"
+expect 0 "stream +[0-9]+ bytes" train "${options[@]}" -o rated --steps 60 --bitrate 32kbit/s -q
+[ "$(stat -c %s rated/scene.l4d)" -le 3200 ] || die "the stream is larger than --bitrate"
+expect 0 "stream +[0-9]+ bytes" train "${options[@]}" -o rated --force --steps 60 --quality 30 -q
+"$codec" encode rated/scene.ply --cameras rated/cameras.json --quality 30 -o again.l4d -f --quiet
+cmp rated/scene.l4d again.l4d || die "--quality is not that of encode"
 expect 5 'coded/scene.l4d: this is a stream, .*l4dcodec decode.* makes a PLY' capture coded/scene.l4d -o x
 
 # LPIPS with weights of a file: random ones here. It is reported if it is wanted, and for equal images it is 0.
@@ -276,6 +286,12 @@ expect 2 "preset" train "${options[@]}" -o x --steps 10 --encode finest
 expect 2 "exclude" train "${options[@]}" -o x --steps 10 --time 5
 expect 2 "--codec is" train "${options[@]}" -o x --steps 10 --codec finest
 expect 2 "needs --encode" train "${options[@]}" -o x --steps 10 --codec settle
+expect 2 "must be positive" train "${options[@]}" -o x --steps 10 --size 0
+expect 2 "--size: '2 pounds'" train "${options[@]}" -o x --steps 10 --size "2 pounds"
+expect 2 "excludes" train "${options[@]}" -o x --steps 10 --size 1M --bitrate 1Mbit/s
+expect 2 "--quality" train "${options[@]}" -o x --steps 10 --quality 10
+expect 2 "nothing follows" train "${options[@]}" -o x --steps 10 --size 1M --encode lossless
+expect 2 "need --codec prune" train "${options[@]}" -o x --steps 10 --size 1M --codec settle
 expect 2 "--density-every" train "${options[@]}" -o x --steps 10 --density-every 7
 expect 2 "--density is" train "${options[@]}" -o x --steps 10 --density more
 expect 2 "--codec prune needs" train "${options[@]}" -o x --steps 10 --codec prune --density off

@@ -14,6 +14,7 @@ struct RunOptions {
   Settings settings;
   std::string folder;
   std::string preset;             // of the encoder; "" = no stream
+  double bitrate = 0;             // bytes per second, in place of Settings::size; 0 = none
   std::string lpips;              // file of weights, to report LPIPS; "" = it is not reported
   uint32_t scored_instants = 15;  // at the end, at most, of each split; 0 = all
   Colour background{};            // behind renders and images with alpha that are compared

@@ -28,6 +28,11 @@ constexpr double kMaxTime = 1e8;  // s: three years
 // training leave the range of float.
 constexpr double kMaxWeight = 1000, kLeastScale = 0.0001;
 
+// Of a training for a stream of a size: a Gaussian for each byte at most. They are several times
+// those that it has room for, since the best of many are better than the same number from the
+// start.
+constexpr uint64_t kLeastGaussians = 1000;
+
 std::string number(double value) {
   char text[40];
   std::snprintf(text, sizeof(text), "%.17g", value);
@@ -91,9 +96,10 @@ std::string differences(const std::string& before, const Settings& now, bool acc
   std::string out;
   for_each_setting(now, [&](const char* name, const auto& value) {
     const std::string key = name, line = key + " " + text_of_value(value);
-    if (old[key] == line || (key == "preset" && now.codec != "settle")) return;
+    if (old[key] == line || (key == "preset" && now.codec != "settle" && now.size == 0)) return;
     if (key == "any_path") return;       // only whether the capture may be read
     if (key == "device_memory") return;  // `resident` decides what is trained
+    if (key == "quality") return;        // decides the stream alone
     if (key == "capture_hash" && accept_changes) return;
     if (key == "capture" && (accept_changes || same_capture)) return;
     if (key == "resident" && accept_changes && is_partly_away(now)) return;
@@ -178,6 +184,7 @@ Settings resolved(const Settings& settings, const Capture& capture, uint32_t wid
     const double pixels = static_cast<double>(width) * height;
     s.gaussians = static_cast<uint64_t>(
         std::max(200e3, 0.5 * pixels * std::pow(capture.duration() / 10, 0.55)));
+    if (s.size > 0) s.gaussians = std::min(s.gaussians, std::max(s.size, kLeastGaussians));
   }
   size_t most = 0, run = 0, videos = 0;
   for (size_t k = 0; k < capture.views.size(); ++k) {

@@ -29,6 +29,8 @@ struct Settings {
   uint32_t density_every = 1;                // steps between two changes of the density
   std::string codec = "off";                 // off, prune, settle
   std::string preset;                        // of the encoder; "" = no stream
+  uint64_t size = 0;                         // of the stream, bytes at most; 0 = by its quality
+  double quality = 0;                        // of the stream, dB; 0 = that of the preset
   std::string adam = "auto";                 // auto, dense, sparse
   std::string backend = "auto";              // auto, cpu, cuda
   std::string devices;                       // of cuda: "0,1"; "" = the first
@@ -69,6 +71,8 @@ void for_each_setting(S& s, F&& f) {
   f("density_every", s.density_every);
   f("codec", s.codec);
   f("preset", s.preset);
+  f("size", s.size);
+  f("quality", s.quality);
   f("adam", s.adam);
   f("backend", s.backend);
   f("devices", s.devices);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "eval/target/encoding.h"
 #include "io/camera/first_view.h"
 #include "io/file/file.h"
 #include "io/scene/rendering_text.h"
@@ -102,6 +103,15 @@ void check_preset(const std::string& preset) {
   if (std::find(known.begin(), known.end(), preset) != known.end()) return;
   throw Error(L4D_ERR_INVALID_ARGUMENT,
               "--encode is " + preset + "; it must be a preset of the encoder: " + preset_names());
+}
+
+void check_quality(const std::string& preset) {
+  check_preset(preset);
+  const EncoderHandle encoder;
+  encoder.check(l4d_encoder_set_preset(encoder.get(), preset.c_str()));
+  if (eval::has_quality(encoder)) return;
+  throw Error(L4D_ERR_INVALID_ARGUMENT,
+              "--encode is " + preset + ", of which nothing follows a size or a quality");
 }
 
 EncoderHandle make_encoder(const io::Scene& scene, const std::string& preset, uint32_t threads) {

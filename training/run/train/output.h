@@ -38,6 +38,8 @@ EncoderHandle make_encoder(const io::Scene& scene, const std::string& preset, ui
 std::string preset_names();
 // Throws io::Error(INVALID_ARGUMENT) where there is no such preset, and lists those that there are.
 void check_preset(const std::string& preset);
+// Likewise where nothing of the preset follows a quality.
+void check_quality(const std::string& preset);
 
 // Truth, render and error beside each other.
 io::Image preview_of(const io::Image& captured, const io::Image& rendered);

@@ -2,6 +2,7 @@
 #include "training/run/train/prune.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "l4d/render.hpp"
@@ -24,26 +25,37 @@ std::vector<float> loss_without(const ModelState& model, const Capture& capture,
   l4d_measure_options options = L4D_INIT(l4d_measure_options);
   options.metric = L4D_SENSITIVITY_GAUSS_NEWTON;
   options.seed = seed;
-  std::vector<float> loss(model.count);
+  std::vector<float> opacity(model.count);
   float* weights[L4D_WEIGHT_COUNT] = {};
-  weights[L4D_WEIGHT_OPACITY] = loss.data();
+  weights[L4D_WEIGHT_OPACITY] = opacity.data();
   renderer.measure_importance(cameras, measured, &options, weights, model.count);
-  for (size_t i = 0; i < loss.size(); ++i) {
-    const float change = linear_opacity(model.value.opacity[i], true) * loss[i];
-    loss[i] = change * change;
-  }
-  return loss;
+  return loss_without(model, std::move(opacity));
 }
 
-std::vector<uint8_t> worth_their_bits(const io::Scene& scene, const io::Weights& weights,
-                                      const std::string& preset, uint32_t threads) {
+std::vector<float> loss_without(const ModelState& model, std::vector<float> weights) {
+  for (size_t i = 0; i < weights.size(); ++i) {
+    const float change = linear_opacity(model.value.opacity[i], true) * weights[i];
+    weights[i] = change * change;
+  }
+  return weights;
+}
+
+TrialEncode trial_encode(const io::Scene& scene, const io::Weights& weights,
+                         const std::string& preset, uint32_t threads) {
   EncoderHandle encoder = make_encoder(scene, preset, threads);
   const l4d_importance importance = weights.view();
   encoder.set_importance(&importance);
-  encoder.encode();
-  std::vector<uint8_t> mask(scene.count(), 0);
-  for (const uint32_t row : encoder.order()) mask[row] = 1;
-  return mask;
+  TrialEncode trial;
+  trial.bytes = encoder.encode().size();
+  trial.kept.assign(scene.count(), 0);
+  for (const uint32_t row : encoder.order()) trial.kept[row] = 1;
+  return trial;
+}
+
+double share_over(uint64_t bytes, uint64_t size, uint64_t left) {
+  if (bytes <= size) return 0;
+  const double room = static_cast<double>(size) / static_cast<double>(bytes);
+  return 1 - std::pow(room, 1 / static_cast<double>(left));
 }
 
 std::vector<uint8_t> most_important(const std::vector<float>& values, double share) {

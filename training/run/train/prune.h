@@ -20,11 +20,21 @@ namespace l4d::train {
 std::vector<float> loss_without(const ModelState& model, const Capture& capture,
                                 const ImageLoader& loader, const std::vector<uint32_t>& views,
                                 const l4d_renderer_options& rendering, uint64_t seed);
+// With weights that are known, [model.count].
+std::vector<float> loss_without(const ModelState& model, std::vector<float> weights);
 
-// A mask of the rows that an encode of the scene with these weights keeps: the encoder drops rows
-// that cost more bits than they show. threads: 0 = one per core; never changes the result.
-std::vector<uint8_t> worth_their_bits(const io::Scene& scene, const io::Weights& weights,
-                                      const std::string& preset, uint32_t threads);
+// An encode by weights alone, of which the encoder drops rows that cost more bits than they show.
+struct TrialEncode {
+  uint64_t bytes = 0;
+  std::vector<uint8_t> kept;  // a mask of the rows
+};
+// threads: 0 = one per core; never changes the result.
+TrialEncode trial_encode(const io::Scene& scene, const io::Weights& weights,
+                         const std::string& preset, uint32_t threads);
+
+// The share of rows that goes at a prune so that after `left` of them, this one included, what
+// takes `bytes` now takes `size`; 0 where it takes no more.
+double share_over(uint64_t bytes, uint64_t size, uint64_t left);
 
 // A mask of the rows that stay, where the given share of them with the smallest values goes; at
 // least one stays. Of equal values, later rows go first.

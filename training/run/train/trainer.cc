@@ -433,8 +433,25 @@ void Trainer::sweep(uint64_t step) {
 void Trainer::prune(double f) {
   if (settings_.codec == "off" || state_.prunes >= kPrunes) return;
   if (f < kPruneBegin + kPruneEvery * static_cast<double>(state_.prunes)) return;
-  ++state_.prunes;
+  const uint64_t left = kPrunes - state_.prunes++;
   ModelState whole = model();
+  double share = kPruneShare;
+  std::vector<float> loss;
+  if (settings_.size > 0) {
+    const io::Scene scene = scene_of(whole, capture_.timeline());
+    io::Weights weights = weights_of(scene, state_.prunes);
+    const uint64_t bytes = trial_encode(scene, weights, settings_.preset, threads_).bytes;
+    share = share_over(bytes, settings_.size, left);
+    loss = loss_without(whole, std::move(weights.opacity));
+  } else {
+    loss = loss_without(whole, capture_, loader_, views_for_prune(),
+                        rendering_of(settings_, threads_), settings_.seed + state_.prunes);
+  }
+  keep(std::move(whole), most_important(loss, share));
+  backend_->renew_weights(static_cast<float>(settings_.error_weight));
+}
+
+std::vector<uint32_t> Trainer::views_for_prune() const {
   std::vector<uint32_t> views;
   for (uint32_t k = 0; k < capture_.views.size(); ++k) {
     if (capture_.cameras[capture_.views[k].camera].split == "train") views.push_back(k);
@@ -442,11 +459,15 @@ void Trainer::prune(double f) {
   const size_t n = views.size(), chosen = std::min(n, kPruneViews);
   std::vector<uint32_t> measured;
   for (size_t k = 0; k < chosen; ++k) measured.push_back(views[(2 * k + 1) * n / (2 * chosen)]);
-  const std::vector<float> loss =
-      loss_without(whole, capture_, loader_, measured, rendering_of(settings_, threads_),
-                   settings_.seed + state_.prunes);
-  keep(std::move(whole), most_important(loss, kPruneShare));
-  backend_->renew_weights(static_cast<float>(settings_.error_weight));
+  return measured;
+}
+
+io::Weights Trainer::weights_of(const io::Scene& scene, uint64_t time) const {
+  const eval::CameraViews views = views_of(capture_, loader_, "train");
+  return eval::measure_importance(
+             rendering_of(settings_, threads_), scene, views,
+             eval::measure_options(0, views.views.size(), settings_.seed + time))
+      .weights;
 }
 
 // Early enough that the rows that stay make up for those that go.
@@ -456,13 +477,8 @@ void Trainer::settle(double f) {
   ++state_.settles;
   ModelState whole = model();
   const io::Scene scene = scene_of(whole, capture_.timeline());
-  const eval::CameraViews views = views_of(capture_, loader_, "train");
-  const io::Weights weights =
-      eval::measure_importance(
-          rendering_of(settings_, threads_), scene, views,
-          eval::measure_options(0, views.views.size(), settings_.seed + state_.settles))
-          .weights;
-  keep(std::move(whole), worth_their_bits(scene, weights, settings_.preset, threads_));
+  const io::Weights weights = weights_of(scene, state_.settles);
+  keep(std::move(whole), trial_encode(scene, weights, settings_.preset, threads_).kept);
   backend_->renew_weights(static_cast<float>(settings_.error_weight));
 }
 

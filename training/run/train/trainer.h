@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "io/ply/weights.h"
 #include "training/images/store.h"
 #include "training/run/setup/settings.h"
 #include "training/step/backend.h"
@@ -116,8 +117,12 @@ class Trainer {
   void keep(ModelState model, const std::vector<uint8_t>& mask);
   DensityChange follow_gradients(uint64_t step, double f, uint32_t cycle);
   void sweep(uint64_t step);
-  // Removes rows by what images lose with them, where --codec asks for that.
+  // Removes rows by what images lose with them, where --codec asks for that: a share, or those that
+  // a stream of a size has no room for.
   void prune(double f);
+  std::vector<uint32_t> views_for_prune() const;
+  // Measured from training views. time: which of several, for random numbers.
+  io::Weights weights_of(const io::Scene& scene, uint64_t time) const;
   // Removes rows that the encoder drops, likewise.
   void settle(double f);
   std::string name_of(uint32_t view) const;
