@@ -176,12 +176,7 @@ const eval::JodDisplay* display_of(const CompareArguments& arguments) {
   if (!wanted && !arguments.display.empty()) throw usage_error("--display needs --jod");
   if (!arguments.min_jod.empty()) parse_number(arguments.min_jod, "--min-jod");
   if (!wanted) return nullptr;
-  const std::string name = arguments.display.empty() ? "standard_4k" : arguments.display;
-  const eval::JodDisplay* display = eval::find_jod_display(name);
-  if (display == nullptr) {
-    throw usage_error("--display is " + name + "; it must be standard_4k or standard_fhd");
-  }
-  return display;
+  return parse_display(arguments.display);
 }
 
 // Usage errors that need no file.

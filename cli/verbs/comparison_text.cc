@@ -98,4 +98,12 @@ std::string comparison_text(const eval::Comparison& c) {
   return t;
 }
 
+const eval::JodDisplay* parse_display(const std::string& name) {
+  const eval::JodDisplay* display = eval::find_jod_display(name.empty() ? "standard_4k" : name);
+  if (display == nullptr) {
+    throw usage_error("--display is " + name + "; it must be standard_4k or standard_fhd");
+  }
+  return display;
+}
+
 }  // namespace l4d::cli

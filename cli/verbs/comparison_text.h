@@ -5,6 +5,7 @@
 #include <string>
 
 #include "cli/text/json.h"
+#include "eval/jod/jod.h"
 #include "eval/pair/comparison.h"
 
 namespace l4d::cli {
@@ -24,5 +25,7 @@ struct ErrorBound {
   double limit = 0;
 };
 ErrorBound parse_error_bound(const std::string& text);
+// Of --display; "" is the usual one. Usage error: another name.
+const eval::JodDisplay* parse_display(const std::string& name);
 
 }  // namespace l4d::cli

@@ -14,6 +14,8 @@ constexpr double kSizeTolerance = 0.02;
 constexpr double kErrorTolerance = 0.05;
 constexpr double kFidelityTolerance = 0.1;
 constexpr double kLossTolerance = 0.1;
+// What JOD falls short of that of equal videos, which has no units of its own.
+constexpr double kJodOfEqual = 10, kJodTolerance = 0.1;
 
 Goal goal_of(const Target& target) {
   Goal goal;
@@ -36,6 +38,12 @@ Goal goal_of(const Target& target) {
       goal.at_most = goal.logarithm = true;
       goal.slope = std::log(10.0) / 10;
       goal.tolerance = -std::log1p(-kLossTolerance);
+      break;
+    case Target::Kind::kJod:
+      goal.requested = kJodOfEqual - target.requested;
+      goal.at_most = goal.logarithm = true;
+      goal.slope = std::log(10.0) / 20;
+      goal.tolerance = -std::log1p(-kJodTolerance);
       break;
     case Target::Kind::kMaxError:
       goal.at_most = goal.logarithm = true;
@@ -109,7 +117,8 @@ TargetResult encode_to_target(const Target& target, const EncoderHandle& encoder
     encoder.set(L4D_ENC_QUALITY, quality);
     last = {};
     last = encode_scene(observer, encoder, "", true, calls.holder);
-    return calls.measure(last, observer);
+    const double figure = calls.measure(last, observer);
+    return target.kind == Target::Kind::kJod ? kJodOfEqual - figure : figure;
   };
   const auto keep = [&] {
     *encoding = std::move(last);
@@ -135,6 +144,9 @@ TargetResult encode_to_target(const Target& target, const EncoderHandle& encoder
     }
   }
   result.search = search_quality(goal_of(target), range, measure, keep);
+  if (target.kind == Target::Kind::kJod) {
+    for (Trial& trial : result.search.trials) trial.figure = kJodOfEqual - trial.figure;
+  }
   return finish();
 }
 

@@ -4,6 +4,7 @@
 #include <functional>
 #include <string>
 
+#include "eval/jod/jod.h"
 #include "eval/observer.h"
 #include "eval/target/encoding.h"
 #include "eval/target/quality_search.h"
@@ -12,14 +13,17 @@ namespace l4d::eval {
 
 // What an encode may be asked to reach, in place of a quality.
 struct Target {
-  enum class Kind { kSize, kBitrate, kFidelity, kPsnrLoss, kMaxError };
+  enum class Kind { kSize, kBitrate, kFidelity, kPsnrLoss, kMaxError, kJod };
   Kind kind = Kind::kSize;
-  double requested = 0;   // bytes, bytes per second, dB, dB, unit of the error; positive
+  double requested = 0;   // bytes, bytes per second, dB, dB, unit of the error, JOD; positive
   std::string attribute;  // of a largest error: one of error_names()
-  double tolerance = 0;   // dB of fidelity above what is requested that are near enough; 0 = 0.1
+  const JodDisplay* display = nullptr;  // of JOD
+  double tolerance = 0;  // dB of fidelity above what is requested that are near enough; 0 = 0.1
   size_t most_trials = 16;
 
-  bool needs_views() const { return kind == Kind::kFidelity || kind == Kind::kPsnrLoss; }
+  bool needs_views() const {
+    return kind == Kind::kFidelity || kind == Kind::kPsnrLoss || kind == Kind::kJod;
+  }
 };
 
 // The figure of a target that needs no views, of an encoding of `scene` in memory whose order is
@@ -31,8 +35,8 @@ double measure_target(const Target& target, const Decoding& decoding, Observer& 
 struct TargetCalls {
   // Before each trial; hears of its encode. Returns what lives until the next trial or the end.
   std::function<Observer&(size_t trial, double quality)> begin;
-  // The figure of the trial's encoding: measure_target, or a FidelityMeter's. The observer is that
-  // of the trial.
+  // The figure of the trial's encoding: measure_target, a FidelityMeter's, or JOD. The observer is
+  // that of the trial.
   std::function<double(const Encoding& encoding, Observer& observer)> measure;
   io::Hold holder;  // counts the streams that are kept, at most two
 };

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
 
 #include "eval/scene/motion.h"
@@ -41,6 +42,24 @@ CameraViews spread_views(CameraViews all, size_t most) {
   std::stable_sort(chosen.begin(), chosen.end(),
                    [](const io::View& x, const io::View& y) { return x.time < y.time; });
   views = std::move(chosen);
+  return all;
+}
+
+CameraViews short_videos(CameraViews all, size_t cameras, size_t frames) {
+  std::map<size_t, std::vector<io::View>> by_camera;
+  for (const io::View& view : all.views) by_camera[view.camera].push_back(view);
+  const size_t most = std::min(cameras, by_camera.size());
+  all.views.clear();
+  size_t k = 0, chosen = 0;
+  for (auto& [camera, views] : by_camera) {
+    if ((2 * chosen + 1) * by_camera.size() / (2 * most) != k++) continue;
+    ++chosen;
+    std::stable_sort(views.begin(), views.end(),
+                     [](const io::View& x, const io::View& y) { return x.time < y.time; });
+    const size_t count = std::min(frames, views.size());
+    const auto first = views.begin() + static_cast<std::ptrdiff_t>((views.size() - count) / 2);
+    all.views.insert(all.views.end(), first, first + static_cast<std::ptrdiff_t>(count));
+  }
   return all;
 }
 

@@ -24,6 +24,10 @@ struct CameraViews {
 // At most `most` of the views, spread evenly over cameras and time.
 CameraViews spread_views(CameraViews views, size_t most);
 
+// Of at most `cameras` cameras, spread evenly, at most `frames` views each that follow one another,
+// in the middle.
+CameraViews short_videos(CameraViews views, size_t cameras, size_t frames);
+
 // A stride near 5/8 of n and prime to it: its multiples modulo n visit all of 0..n-1, and those
 // that follow one another are far apart.
 size_t golden_stride(size_t n);

@@ -65,6 +65,13 @@ expect 0 sensitivity s.ply --cameras c.json --split all --frames 0:60:10 -o w.pl
 target fidelity 38 --weights w.ply --cameras c.json --target-fidelity 38
 expect_json out 'd["target"]["views"] == 60 and "sensitivity" not in d and "60 of 120" in d["notes"][0]'
 
+# JOD is what compare measures in the same videos.
+target jod 9.7 --orbit 1 --size 96x64 --frames 20:40 --target-jod 9.7
+expect_json out '9.7 <= d["target"]["reached"] and d["target"]["views"] == 20'
+expect_json out '(d["target"]["reached"] <= 9.73) == ("obstacle" not in d["target"])'
+expect_document 0 compare s.ply t.l4d --orbit 1 --size 96x64 --frames 20:40 --jod --min-jod 9.7
+expect_json out "abs(d['jod'] - $reached) < 1e-6"
+
 # The largest error is that of compare.
 target max-error 0.2 --max-error log_scale=0.2 --order t.order
 expect_json out 'd["target"]["attribute"] == "log_scale" and d["target"]["reached"] <= 0.2'

@@ -58,6 +58,10 @@ misuse encode s.ply -o s.l4d --target-size 3MBit
 misuse encode s.ply -o s.l4d --target-bitrate 8Mbyte/s
 misuse encode s.ply -o s.l4d --target-fidelity 40
 misuse encode s.ply -o s.l4d --target-psnr-loss 0.2
+misuse encode s.ply -o s.l4d --target-jod 9
+misuse encode s.ply -o s.l4d --orbit 2 --target-jod 10
+misuse encode s.ply -o s.l4d --orbit 2 --display standard_4k
+misuse encode s.ply -o s.l4d --orbit 2 --target-jod 9 --display cinema
 misuse encode s.ply -o s.l4d --orbit 2 --target-psnr-loss 0.2
 misuse encode s.ply -o s.l4d --orbit 2 --target-fidelity 40km
 misuse encode s.ply -o s.l4d --max-error beauty=1

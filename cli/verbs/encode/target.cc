@@ -10,7 +10,7 @@
 namespace l4d::cli {
 namespace {
 
-constexpr const char* kNames[] = {"size", "bitrate", "fidelity", "psnr-loss", "max-error"};
+constexpr const char* kNames[] = {"size", "bitrate", "fidelity", "psnr-loss", "max-error", "jod"};
 
 void check_views(const eval::Target& target, const CameraArguments& cameras) {
   if (!target.needs_views()) return;
@@ -59,6 +59,16 @@ void TargetArguments::add_options(Verb* verb) {
                    "scene's, mean PSNR: 0.2dB; needs --cameras with videos or images")
       ->type_name("DB")
       ->group(group);
+  verb->add_option("--target-jod", jod,
+                   "Videos of renders at least this near the scene's, as `compare --jod` measures "
+                   "it, below 10: 9.5; needs --cameras")
+      ->type_name("JOD")
+      ->group(group);
+  verb->add_option("--display", display,
+                   "Where videos are looked at, for --target-jod: standard_4k (default), "
+                   "standard_fhd")
+      ->type_name("NAME")
+      ->group(group);
   verb->add_option("--max-error", max_error,
                    "Largest error of an attribute of `compare`, or of visible_position: "
                    "position=0.01, log_scale=0.1")
@@ -68,14 +78,18 @@ void TargetArguments::add_options(Verb* verb) {
 
 std::optional<eval::Target> parse_target(const TargetArguments& arguments,
                                          const CameraArguments& cameras) {
-  const std::string* const texts[] = {&arguments.size, &arguments.bitrate, &arguments.fidelity,
-                                      &arguments.psnr_loss, &arguments.max_error};
+  const std::string* const texts[] = {&arguments.size,      &arguments.bitrate,
+                                      &arguments.fidelity,  &arguments.psnr_loss,
+                                      &arguments.max_error, &arguments.jod};
   std::optional<eval::Target> target;
   for (size_t k = 0; k < std::size(texts); ++k) {
     if (texts[k]->empty()) continue;
     if (target) throw usage_error("there can be one target only");
     target.emplace();
     target->kind = static_cast<eval::Target::Kind>(k);
+  }
+  if (!arguments.display.empty() && arguments.jod.empty()) {
+    throw usage_error("--display needs --target-jod");
   }
   if (!target) return target;
   switch (target->kind) {
@@ -97,6 +111,11 @@ std::optional<eval::Target> parse_target(const TargetArguments& arguments,
       target->requested = bound.limit;
       break;
     }
+    case eval::Target::Kind::kJod:
+      target->requested = parse_number(arguments.jod, "--target-jod");
+      target->display = parse_display(arguments.display);
+      if (!(target->requested < 10)) throw usage_error("--target-jod must be below 10");
+      break;
   }
   if (!(target->requested > 0)) throw usage_error("a target must be positive");
   check_views(*target, cameras);
@@ -114,6 +133,8 @@ std::string format_figure(const eval::Target& target, double figure) {
       return format("%.2f dB of fidelity", figure);
     case Kind::kPsnrLoss:
       return format("%.3f dB of loss", figure);
+    case Kind::kJod:
+      return format("%.3f JOD", figure);
     default:
       return format_error(figure) + " of " + target.attribute;
   }

@@ -19,6 +19,7 @@ struct TargetArguments {
   std::string fidelity;
   std::string psnr_loss;
   std::string max_error;
+  std::string jod, display;
 
   void add_options(Verb* verb);
 };
