@@ -18,7 +18,10 @@
 #ifdef L4D_KEEPS_LARGE_BLOCKS
 #include <sanitizer/asan_interface.h>
 // Of sanitizer/allocator_interface.h, which gcc does not have.
-extern "C" size_t __sanitizer_get_allocated_size(const volatile void* p);
+extern "C" {
+size_t __sanitizer_get_allocated_size(const volatile void* p);
+int __sanitizer_get_ownership(const volatile void* p);
+}
 #endif
 
 namespace {
