@@ -104,7 +104,8 @@ HttpAnswer embedded(const std::vector<EmbeddedFile>& files, const std::string& n
 // The player, showing `source`.
 HttpAnswer page_of(const EmbeddedFile& player, const std::string& root, const std::string& source) {
   std::string text = content_of(player);
-  replace(text, "src=\"scene.l4d\"", "src=\"" + root + source + "\"");
+  // A file here may become another one: what is at work on it goes on.
+  replace(text, "src=\"scene.l4d\"", "src=\"" + root + source + "\" reload");
   replace(text, "src=\"player.js\"", "src=\"" + root + kPlayer + "player.js\"");
   return page_answer(std::move(text),
                      "script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; "

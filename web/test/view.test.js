@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import {spawn} from 'node:child_process';
 import {once} from 'node:events';
-import {copyFileSync, mkdirSync, mkdtempSync, rmSync} from 'node:fs';
+import {copyFileSync, mkdirSync, mkdtempSync, renameSync, rmSync} from 'node:fs';
 import {tmpdir} from 'node:os';
 import {join} from 'node:path';
 import {createInterface} from 'node:readline';
@@ -88,6 +88,28 @@ test('l4dcodec view follows a file that grows', async t => {
       return (await movie.slice(7.5)).count;
     });
     assert.ok(count > 1000, `${count} splats`);
+  });
+});
+
+test('l4dcodec view shows a file again that has become another one, from the same place', async t => {
+  const folder = mkdtempSync(join(tmpdir(), 'l4dview-'));
+  t.after(() => rmSync(folder, {recursive: true}));
+  const file = join(folder, 'scene.l4d');
+  copyFileSync(join(work, 'short.l4d'), file);
+  await withView(t, file, async page => {
+    await opened(page);
+    const before = await page.evaluate(() => {
+      const player = document.querySelector('l4d-player');
+      player.pointer.turn(0.5, 0.1);
+      return [player.movie.info.numGaussians, String(player.view.orbit)];
+    });
+    copyFileSync(join(work, 'frames.l4d'), join(folder, 'next'));
+    renameSync(join(folder, 'next'), file);
+    await page.waitForFunction(count => {
+      const {movie, isOpen} = document.querySelector('l4d-player');
+      return isOpen && movie.info.numGaussians !== count;
+    }, before[0]);
+    assert.equal(await page.evaluate(() => String(document.querySelector('l4d-player').view.orbit)), before[1]);
   });
 });
 

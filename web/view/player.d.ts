@@ -45,6 +45,7 @@ export interface L4DPlayerAttributes {
   gestures?: 'page' | 'all' | 'none';
   detail?: 'auto' | 'base' | 'full';
   backend?: 'webgl2' | 'webgpu' | 'auto';
+  reload?: number | string | boolean;
   crossorigin?: 'anonymous' | 'use-credentials';
   headers?: string;
   bases?: string;

@@ -10,6 +10,7 @@ import {onKey} from './keys.js';
 import {canvasOf} from './picture.js';
 import {hasPictureInPicture} from './pip.js';
 import {Preview} from './preview.js';
+import {watchFile} from './reload.js';
 import {fill} from './template.js';
 import {clockText, describeError, describeLosses, overlayLines, parseLink, spokenTime} from './text.js';
 import {View} from './view.js';
@@ -22,7 +23,7 @@ const playbacks = /** @type {const} */ (['once', 'loop', 'ping-pong']);
 
 /**
  * `<l4d-player src poster autoplay loop preload="none|metadata" loading="lazy" controls="none" playback="once|loop|ping-pong|auto"
- * camera="orbit|fly" gestures="all|page|none" detail="auto|base|full" backend="webgl2|webgpu|auto" overlay lang>`, and what
+ * camera="orbit|fly" gestures="all|page|none" detail="auto|base|full" backend="webgl2|webgpu|auto" reload="SECONDS" overlay lang>`, and what
  * attributes.js and camera-element.js read: a player with controls. Events: 'open' (the movie is its detail), 'error' (an Error),
  * 'backend' (which one draws), 'camera-change', and those of media elements. `movie` and `view` are those of the packages.
  */
@@ -46,6 +47,8 @@ export class L4DPlayer extends CameraElement {
     this.loading = new AbortController();
     /** What load() was given last. @type {Parameters<typeof open>[0] | undefined} */
     this.source = undefined;
+    /** Who looks for another version of it. @type {object | null} */
+    this.watching = null;
     /** While it is in a page. @type {AbortController | null} */
     this.life = null;
     /** Of before it gave its context back, or left the page. @type {{camera: string, plays: boolean} | null} */
@@ -242,6 +245,7 @@ export class L4DPlayer extends CameraElement {
     this.tell('loadstart');
     try {
       if (source === '') throw new L4DError('INVALID_ARGUMENT', 'the player has no src');
+      if (typeof source === 'string' && this.hasAttribute('reload')) void watchFile(this, source);
       // What cannot be drawn is not fetched.
       if (this.life && !isForMetadata) await this.#setView();
       signal.throwIfAborted();
