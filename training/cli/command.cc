@@ -184,6 +184,9 @@ void add_train(CLI::App& app, Arguments& a) {
                    "Also encode, with this preset of the encoder: " + preset_names());
   add_stream(verb, a);
   add_scores(verb, a);
+  verb->add_flag("--watch", a.run.watch,
+                 "Also write preview.l4d, the scene so far, every 10 s or more: `l4dcodec view "
+                 "RUN/preview.l4d` shows it, and each that follows");
   verb->add_option("--checkpoint-every", a.run.checkpoint_seconds, "Seconds between checkpoints")
       ->check(above_zero)
       ->capture_default_str();

@@ -79,6 +79,8 @@ class Steps {
   void run();
   void write_checkpoint();
   void write_preview();
+  // The scene so far, for players: fast and not small.
+  void write_stream();
   std::string curves() const { return draw_curves(log_->entries()); }
   void write_curves() const { parts_.write("curves.svg", curves()); }
   void finish_writing() { writer_.finish(); }
@@ -111,6 +113,7 @@ class Steps {
   std::unique_ptr<EventFile> events_;
   CheckpointWriter writer_{parts_.options.folder};
   Clock::time_point last_checkpoint_, last_preview_;
+  double stream_seconds_ = 0;             // that the last one took
   int milestone_ = 0;                     // tenths of the training that have been scored
   MemoryUse memory_;                      // the largest so far
   std::array<double, kStages> stages_{};  // ms of `timed_steps_` steps

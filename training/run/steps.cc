@@ -6,6 +6,7 @@
 #include "training/run/run.h"
 #include "training/run/run_parts.h"
 #include "training/run/setup/memory.h"
+#include "training/run/train/output.h"
 
 namespace l4d::train {
 namespace {
@@ -14,6 +15,7 @@ using io::Error;
 
 constexpr uint64_t kLogEvery = 100;  // steps
 constexpr double kScores = 10;       // while training
+constexpr double kStreamPause = 10;  // between two streams, of the time that one takes
 
 double since(RunParts::Clock::time_point begin) {
   return std::chrono::duration<double>(RunParts::Clock::now() - begin).count();
@@ -32,6 +34,10 @@ void Steps::run() {
   last_checkpoint_ = last_preview_ = Clock::now();
   parts_.first_wait = parts_.store->seconds_waited();
   milestone_ = static_cast<int>(trainer_.progress() * kScores);
+  if (parts_.options.watch) {
+    write_stream();
+    parts_.say("`l4dcodec view " + parts_.file("preview.l4d") + "` shows the scene as it becomes");
+  }
   while (!trainer_.done()) {
     if (parts_.observer->cancelled()) {
       save();
@@ -168,7 +174,18 @@ void Steps::save() {
 void Steps::write_preview() {
   parts_.times.begin(kScoring);
   io::write_png(parts_.file("preview.png"), parts_.sample().preview(&trainer_));
+  if (parts_.options.watch) write_stream();
   last_preview_ = Clock::now();
+}
+
+void Steps::write_stream() {
+  const Clock::time_point begin = Clock::now();
+  io::Scene scene = scene_of(trainer_.model(), parts_.capture.timeline());
+  scene.presentation = first_view(parts_.capture, *parts_.loader);
+  EncoderHandle encoder = make_encoder(scene, "tiny", parts_.options.threads);
+  encoder.set(L4D_ENC_EFFORT, 1);
+  parts_.write("preview.l4d", encoder.encode());
+  stream_seconds_ = since(begin);
 }
 
 // Where a file cannot be written, as on a full disk, the work so far is kept if that is possible,
@@ -197,7 +214,8 @@ void Steps::write_after_step() {
       parts_.observer->wants_checkpoint()) {
     write_checkpoint();
   }
-  if (since(last_preview_) > parts_.options.preview_seconds) write_preview();
+  const double pause = std::max(parts_.options.preview_seconds, kStreamPause * stream_seconds_);
+  if (since(last_preview_) > pause) write_preview();
   report_progress();
 }
 

@@ -39,8 +39,8 @@ expect 0 "cameras +9" inspect capture --sheet sheet.png
 expect 0 '"layout": "cameras"' inspect capture --json
 
 options=(capture --gaussians 300 --sh-degree 0 --views 2 --init frustum --exposure off)
-expect 0 "Gaussians +[0-9]" train "${options[@]}" -o whole --steps 400 -q
-for name in scene.ply cameras.json settings.json log.jsonl curves.svg preview.png report.json report.html events.out.tfevents.l4dtrain; do
+expect 0 "Gaussians +[0-9]" train "${options[@]}" -o whole --steps 400 --watch -q
+for name in preview.l4d scene.ply cameras.json settings.json log.jsonl curves.svg preview.png report.json report.html events.out.tfevents.l4dtrain; do
   [ -s "whole/$name" ] || die "$name is missing"
 done
 expect 0 "test +[0-9.]+ dB" eval whole -q

@@ -30,6 +30,7 @@ struct RunOptions {
   uint64_t bucket_memory = uint64_t{8} << 30;
   double checkpoint_seconds = 300;
   double preview_seconds = 10;
+  bool watch = false;  // previews are streams, too
 };
 
 }  // namespace l4d::train
