@@ -131,6 +131,11 @@ ModelState start_model(const Capture& capture, const std::vector<Point>& points,
       state.value.mean_t[i] = p.time;
       if (are_clouds) sigma = duration / static_cast<double>(times.size());
     }
+    // All of it is there at the only instant.
+    if (capture.frames == 1) {
+      state.value.mean_t[i] = 0;
+      sigma = duration;
+    }
     sigma = std::clamp(sigma, 0.15 / capture.fps, 30 * duration);
     state.value.log_scale[4 * i + 3] = static_cast<float>(std::log(sigma));
     float noise[8];
