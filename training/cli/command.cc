@@ -159,11 +159,14 @@ void add_train(CLI::App& app, Arguments& a) {
   verb->add_option("-n,--gaussians", s.gaussians,
                    "Gaussians at most (from the size of images and the duration)")
       ->check(above_zero);
-  auto* steps =
-      verb->add_option("--steps", s.steps, "Steps (20000 for 10 s and less)")->check(above_zero);
+  auto* steps = verb->add_option("--steps", s.steps, "Steps (of --effort)")->check(above_zero);
   verb->add_option("--time", s.seconds, "Seconds to train for, in place of steps; not repeatable")
       ->check(above_zero)
       ->excludes(steps);
+  verb->add_option("--effort", s.effort,
+                   "quick, good, best: 5000, 20000 or 60000 steps for 10 s and less, more for "
+                   "longer captures")
+      ->capture_default_str();
   verb->add_option("--views", s.views, "Views of a step (4; 1 for a moving camera)")
       ->check(above_zero);
   verb->add_option("--scale", s.scale, "Of images, 0 to 1")->capture_default_str();

@@ -286,6 +286,7 @@ expect 2 "preset" train "${options[@]}" -o x --steps 10 --encode finest
 expect 2 "exclude" train "${options[@]}" -o x --steps 10 --time 5
 expect 2 "--codec is" train "${options[@]}" -o x --steps 10 --codec finest
 expect 2 "needs --encode" train "${options[@]}" -o x --steps 10 --codec settle
+expect 2 "--effort is" train "${options[@]}" -o x --effort much
 expect 2 "must be positive" train "${options[@]}" -o x --steps 10 --size 0
 expect 2 "--size: '2 pounds'" train "${options[@]}" -o x --steps 10 --size "2 pounds"
 expect 2 "excludes" train "${options[@]}" -o x --steps 10 --size 1M --bitrate 1Mbit/s

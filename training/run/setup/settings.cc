@@ -33,6 +33,11 @@ constexpr double kMaxWeight = 1000, kLeastScale = 0.0001;
 // start.
 constexpr uint64_t kLeastGaussians = 1000;
 
+// Of 10 s and less.
+double steps_of(const std::string& effort) {
+  return effort == "quick" ? 5000 : effort == "best" ? 60000 : 20000;
+}
+
 std::string number(double value) {
   char text[40];
   std::snprintf(text, sizeof(text), "%.17g", value);
@@ -122,6 +127,8 @@ void check(const Settings& s) {
     fail("--sh-degree is " + std::to_string(s.sh_degree) + "; it must be 0 to 3");
   if (!is_one_of(s.exposure, {"auto", "on", "off"}))
     fail("--exposure is " + s.exposure + "; it must be auto, on or off");
+  if (!is_one_of(s.effort, {"quick", "good", "best"}))
+    fail("--effort is " + s.effort + "; it must be quick, good or best");
   if (!is_one_of(s.density, {"relocate", "gradient", "off"}))
     fail("--density is " + s.density + "; it must be relocate, gradient or off");
   if (!is_one_of(s.temporal_split, {"on", "off"}))
@@ -178,7 +185,7 @@ Settings resolved(const Settings& settings, const Capture& capture, uint32_t wid
   Settings s = settings;
   const double length = std::max(1.0, capture.duration() / 10);
   if (s.steps == 0 && s.seconds == 0) {
-    s.steps = static_cast<uint64_t>(20000 * std::pow(length, 0.9));
+    s.steps = static_cast<uint64_t>(steps_of(s.effort) * std::pow(length, 0.9));
   }
   if (s.gaussians == 0) {
     const double pixels = static_cast<double>(width) * height;

@@ -16,12 +16,13 @@ struct Settings {
   std::string capture;       // path; of a run that has begun, an absolute one
   std::string capture_hash;  // of a run that has begun: hash_of() what it began with
   CaptureOptions reading;
-  double scale = 1;           // of images
-  uint64_t gaussians = 0;     // N_max; 0 = from the images and the duration
-  uint64_t steps = 0;         // 0 = from the duration, or as many as `seconds` allow
-  double seconds = 0;         // > 0: the clock decides when the training ends
-  uint32_t views = 0;         // of a step; 0 = 4, or 1 for a moving camera
-  std::string init = "auto";  // auto, frustum, hull, or a PLY of points
+  double scale = 1;             // of images
+  uint64_t gaussians = 0;       // N_max; 0 = from the images and the duration
+  uint64_t steps = 0;           // 0 = from the duration, or as many as `seconds` allow
+  std::string effort = "good";  // quick, good, best: how many steps are taken from the duration
+  double seconds = 0;           // > 0: the clock decides when the training ends
+  uint32_t views = 0;           // of a step; 0 = 4, or 1 for a moving camera
+  std::string init = "auto";    // auto, frustum, hull, or a PLY of points
   uint32_t sh_degree = 3;
   std::string exposure = "auto";             // auto, on, off
   std::string density = "relocate";          // relocate, gradient, off
@@ -61,6 +62,7 @@ void for_each_setting(S& s, F&& f) {
   f("scale", s.scale);
   f("gaussians", s.gaussians);
   f("steps", s.steps);
+  f("effort", s.effort);
   f("time", s.seconds);
   f("views", s.views);
   f("init", s.init);
