@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -105,6 +106,8 @@ class Steps {
   void write_or_save();
   void add_to_log(bool scores);
   std::array<double, kStages> take_stages();
+  // Says of each camera once that it is elsewhere than the capture says.
+  void look_for_places();
   void report_progress();
 
   RunParts& parts_;
@@ -115,6 +118,7 @@ class Steps {
   Clock::time_point last_checkpoint_, last_preview_;
   double stream_seconds_ = 0;             // that the last one took
   int milestone_ = 0;                     // tenths of the training that have been scored
+  std::map<uint32_t, int> elsewhere_;     // how many looks have found cameras elsewhere
   MemoryUse memory_;                      // the largest so far
   std::array<double, kStages> stages_{};  // ms of `timed_steps_` steps
   uint64_t timed_steps_ = 0;

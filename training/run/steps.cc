@@ -7,6 +7,7 @@
 #include "training/run/run_parts.h"
 #include "training/run/setup/memory.h"
 #include "training/run/train/output.h"
+#include "training/run/train/places.h"
 
 namespace l4d::train {
 namespace {
@@ -15,6 +16,8 @@ using io::Error;
 
 constexpr uint64_t kLogEvery = 100;  // steps
 constexpr double kScores = 10;       // while training
+constexpr int kLooks = 2;            // that say so, since one may be chance
+constexpr int kPlacesUntil = 5;  // of them: as long as cameras are looked for that are elsewhere
 constexpr double kStreamPause = 10;  // between two streams, of the time that one takes
 
 double since(RunParts::Clock::time_point begin) {
@@ -210,6 +213,7 @@ void Steps::write_after_step() {
   const bool scores = now != milestone_;
   milestone_ = now;
   if (scores || trainer_.state().step % kLogEvery == 0) add_to_log(scores);
+  if (scores && now <= kPlacesUntil) look_for_places();
   if (since(last_checkpoint_) > parts_.options.checkpoint_seconds ||
       parts_.observer->wants_checkpoint()) {
     write_checkpoint();
@@ -250,6 +254,16 @@ void Steps::add_to_log(bool scores) {
   sums_.gaussians = entry.gaussians;
   steps_ = 0;
   if (scores) write_curves();
+}
+
+void Steps::look_for_places() {
+  parts_.times.begin(kScoring);
+  const auto render = [&](uint32_t view) { return trainer_.render(view); };
+  for (const auto& [camera, note] :
+       notes_of_places(parts_.capture, *parts_.loader, parts_.options.threads,
+                       parts_.options.background, render)) {
+    if (++elsewhere_[camera] == kLooks) parts_.say(note);
+  }
 }
 
 // ms of the steps since the last call.

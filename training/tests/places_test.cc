@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "training/run/train/places.h"
+
+#include <gmock/gmock.h>
+
+#include "training/run/train/output.h"
+#include "training/step/backend.h"
+#include "training/sync/shift.h"
+#include "training/tests/tiny_capture.h"
+
+namespace l4d::train {
+namespace {
+
+io::Image noise(uint32_t width, uint32_t height, int32_t dx, int32_t dy, float gain) {
+  io::Image image(width, height);
+  for (uint32_t y = 0; y < height; ++y) {
+    for (uint32_t x = 0; x < width; ++x) {
+      const double u = static_cast<double>(x) - dx, v = static_cast<double>(y) - dy;
+      const double value = 0.5 + 0.2 * std::sin(0.7 * u + 0.3 * v) * std::cos(0.31 * v * v / 9 - u);
+      for (size_t c = 0; c < 3; ++c) {
+        image.rgb[3 * (size_t{y} * width + x) + c] = static_cast<float>(value) * gain;
+      }
+    }
+  }
+  return image;
+}
+
+TEST(Shift, IsThatOfTheImage) {
+  for (const uint32_t scale : {1U, 2U}) {
+    const uint32_t width = 200 * scale, height = 90;
+    const io::Image one = noise(width, height, 0, 0, 1);
+    const Shift none = shift_between(one, noise(width, height, 0, 0, 0.5f), {});
+    EXPECT_NEAR(std::hypot(none.x, none.y), 0, 0.02);
+    EXPECT_GT(none.unmoved, 0.99);
+    const Shift moved = shift_between(noise(width, height, 6, -4, 0.7f), one, {});
+    EXPECT_NEAR(moved.x, 6, 0.2);
+    EXPECT_NEAR(moved.y, -4, 0.2);
+    EXPECT_GT(moved.correlation, moved.unmoved + 0.2);
+  }
+  // What does not count is not looked at.
+  io::Image spoiled = noise(200, 90, 6, -4, 1);
+  std::vector<uint8_t> mask(size_t{200} * 90, 1);
+  for (uint32_t y = 0; y < 90; ++y) {
+    for (uint32_t x = 0; x < 80; ++x) {
+      mask[y * 200 + x] = 0;
+      spoiled.rgb[3 * (y * 200 + x)] = x % 2 == 0 ? 90.0f : -90.0f;
+    }
+  }
+  EXPECT_NEAR(shift_between(spoiled, noise(200, 90, 0, 0, 1), mask).x, 6, 0.2);
+}
+
+// Turned about the vertical axis of the camera.
+void turn(l4d_camera* camera, double degrees) {
+  const double a = degrees * 3.14159265358979323846 / 180, c = std::cos(a), s = std::sin(a);
+  double* m = camera->world_to_camera;
+  for (size_t k = 0; k < 4; ++k) {
+    const double x = m[k], z = m[8 + k];
+    m[k] = c * x + s * z;
+    m[8 + k] = c * z - s * x;
+  }
+}
+
+TEST(Places, OfTurnedCamerasAreNamedAndNoOthers) {
+  const Capture truth = read_capture(test::tiny_capture(), {});
+  for (const double degrees : {0.0, 2.0}) {
+    Capture capture = truth;
+    turn(&capture.cameras[6].source.camera, degrees);
+    const ImageLoader loader(capture, 1);
+    const std::unique_ptr<Backend> backend = make_cpu_backend(1);
+    backend->load(model_of(test::tiny_truth()), capture.timeline());
+    constexpr float kBlack[3] = {0, 0, 0};
+    const std::map<uint32_t, std::string> notes =
+        notes_of_places(capture, loader, 1, {0, 0, 0}, [&](uint32_t view) {
+          return backend->render(loader.camera_of(view), capture.views[view].time, kBlack);
+        });
+    if (degrees == 0) {
+      EXPECT_TRUE(notes.empty()) << notes.begin()->second;
+    } else {
+      EXPECT_THAT(notes, testing::ElementsAre(
+                             testing::Pair(6, testing::HasSubstr("amera 6 sees what the others"))));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace l4d::train
