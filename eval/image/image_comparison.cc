@@ -18,20 +18,13 @@ double capped(double decibels) { return std::min(decibels, kMaxDecibels); }
 
 // The frame rate of a camera's views, which rise in time; 0 for one view.
 double fps_of(const CameraViews& all, const std::vector<size_t>& views) {
-  constexpr double kTolerance = 1e-3;  // of a step
-  if (views.size() == 1) return 0;
-  const auto time = [&](size_t k) { return all.views[views[k]].time; };
-  const double step = (time(views.size() - 1) - time(0)) / static_cast<double>(views.size() - 1);
-  for (size_t k = 0; k < views.size(); ++k) {
-    if (step > 0 &&
-        std::abs(time(k) - time(0) - static_cast<double>(k) * step) <= kTolerance * step) {
-      continue;
-    }
-    throw io::Error(L4D_ERR_INVALID_ARGUMENT, "JOD is that of a video, and the frames of camera " +
-                                                  std::to_string(all.camera_of(views[k]).id) +
-                                                  " are not evenly spaced");
-  }
-  return 1 / step;
+  std::vector<double> times;
+  for (const size_t view : views) times.push_back(all.views[view].time);
+  const double fps = video_rate(times);
+  if (fps > 0 || views.size() == 1) return fps;
+  throw io::Error(L4D_ERR_INVALID_ARGUMENT, "JOD is that of a video, and the frames of camera " +
+                                                std::to_string(all.camera_of(views[0]).id) +
+                                                " are not evenly spaced");
 }
 
 // The videos of the camera at hand.

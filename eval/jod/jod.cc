@@ -102,6 +102,18 @@ const JodDisplay* find_jod_display(const std::string& name) {
   return nullptr;
 }
 
+double video_rate(const std::vector<double>& times) {
+  constexpr double kTolerance = 1e-3;  // of a step
+  if (times.size() < 2) return 0;
+  const double step = (times.back() - times.front()) / static_cast<double>(times.size() - 1);
+  if (!(step > 0)) return 0;
+  for (size_t k = 0; k < times.size(); ++k) {
+    const double even = times[0] + static_cast<double>(k) * step;
+    if (!(std::abs(times[k] - even) <= kTolerance * step)) return 0;
+  }
+  return 1 / step;
+}
+
 JodMeter::JodMeter(uint32_t width, uint32_t height, uint64_t frames, double fps,
                    const JodDisplay& display, uint32_t threads, const io::Hold& holder)
     : width_(width), height_(height), threads_(threads), channels_(frames == 1 ? 3 : 4) {

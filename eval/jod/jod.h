@@ -22,6 +22,10 @@ struct JodDisplay {
 // "standard_4k", which is usual, or "standard_fhd"; null for other names.
 const JodDisplay* find_jod_display(const std::string& name);
 
+// Frames a second of a video whose frames are at these times, in s, which rise; 0 for one frame,
+// and where a step differs from the others by more than a thousandth.
+double video_rate(const std::vector<double>& times);
+
 // Two videos of one size and frame rate, frame by frame.
 class JodMeter {
  public:

@@ -52,6 +52,9 @@ void add_scores(CLI::App* verb, Arguments& a) {
           "--lpips", a.run.lpips,
           "Also report LPIPS, with the weights in this .safetensors file: AlexNet or VGG16")
       ->type_name("FILE");
+  verb->add_flag("--jod", a.run.jod,
+                 "Also report JOD (ColorVideoVDP 0.5.6, standard_4k) of the videos that the views "
+                 "of each camera are, where they are evenly spaced");
 }
 
 // How it is trained, beyond what most users choose.
@@ -226,6 +229,7 @@ void add_bench(CLI::App& app, Arguments& a) {
   verb->add_option("--seed", s.seed, "Of all random numbers")->check(whole_number);
   verb->add_option("--encode", a.run.preset, "Also encode, with this preset: " + preset_names());
   verb->add_option("--lpips", a.run.lpips, "As of train")->type_name("FILE");
+  verb->add_flag("--jod", a.run.jod, "As of train");
   verb->add_flag("--force", a.run.force, "Replace runs that are there");
   add_common(verb, a);
   verb->footer(

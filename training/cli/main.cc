@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
@@ -141,9 +142,15 @@ std::string describe(const Score& score, const std::string& lpips) {
                 score.plain.mean_psnr, score.plain.mean_ssim, score.psnr_affine,
                 static_cast<unsigned long long>(score.plain.views));
   std::string out = text;
-  if (lpips.empty()) return out;
-  std::snprintf(text, sizeof(text), ", LPIPS (%s) %.4f", lpips.c_str(), score.lpips);
-  return out + text;
+  if (!lpips.empty()) {
+    std::snprintf(text, sizeof(text), ", LPIPS (%s) %.4f", lpips.c_str(), score.lpips);
+    out += text;
+  }
+  if (std::isfinite(score.jod)) {
+    std::snprintf(text, sizeof(text), ", %.3f JOD", score.jod);
+    out += text;
+  }
+  return out;
 }
 
 std::string describe(const RunReport& r) {

@@ -77,6 +77,7 @@ Score mean_of(const std::vector<ProtocolScene>& scenes, Score RunReport::*of) {
     mean.plain.mean_psnr += score.plain.mean_psnr / n;
     mean.plain.mean_ssim += score.plain.mean_ssim / n;
     mean.lpips += score.lpips / n;
+    mean.jod = (&scene == &scenes[0] ? 0 : mean.jod) + score.jod / n;
     mean.plain.views += score.plain.views;
   }
   return mean;
@@ -127,7 +128,9 @@ std::string table_of(const std::vector<ProtocolScene>& scenes) {
     out += " " + title + " |";
     rule += "---:|";
   };
+  const bool has_jod = !scenes.empty() && std::isfinite(scenes[0].report.test.jod);
   if (has_lpips) column("LPIPS (" + scenes[0].report.lpips + ")");
+  if (has_jod) column("JOD");
   column("test images");
   column("training s");
   column("Gaussians");
@@ -135,6 +138,7 @@ std::string table_of(const std::vector<ProtocolScene>& scenes) {
     if (has_stream) column(title);
   }
   if (has_stream && has_lpips) column("LPIPS");
+  if (has_stream && has_jod) column("JOD");
   out += "\n" + rule + "\n";
   const auto row = [&](const std::string& name, const Score& test, double seconds, double gaussians,
                        double bytes, const Score& stream) {
@@ -145,6 +149,7 @@ std::string table_of(const std::vector<ProtocolScene>& scenes) {
     };
     out += "| " + name + " |" + cells(test);
     if (has_lpips) number(" %.4f |", test.lpips);
+    if (has_jod) number(" %.3f |", test.jod);
     number(" %.0f |", static_cast<double>(test.plain.views));
     // A run that was only scored again does not say how long it trained.
     if (seconds > 0) {
@@ -157,6 +162,7 @@ std::string table_of(const std::vector<ProtocolScene>& scenes) {
       number(" %.3f |", bytes / 1e6);
       out += cells(stream);
       if (has_lpips) number(" %.4f |", stream.lpips);
+      if (has_jod) number(" %.3f |", stream.jod);
     }
     out += "\n";
   };

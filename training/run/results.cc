@@ -29,8 +29,8 @@ class EncodeObserver : public eval::Observer {
 Score score(const RunParts& parts, const char* split, const RenderView& render) {
   return score_views(parts.capture, *parts.loader,
                      views_to_score(parts.capture, split, parts.options.scored_instants),
-                     Scorer(parts.lpips.get(), parts.options.background), parts.options.threads,
-                     render, [&] { return parts.observer->cancelled(); });
+                     Scorer(parts.lpips.get(), parts.options.background, parts.options.jod),
+                     parts.options.threads, render, [&] { return parts.observer->cancelled(); });
 }
 
 void encode(const io::Scene& scene, RunParts* parts, RunReport* report) {

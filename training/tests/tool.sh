@@ -43,7 +43,8 @@ expect 0 "Gaussians +[0-9]" train "${options[@]}" -o whole --steps 400 --watch -
 for name in preview.l4d scene.ply cameras.json settings.json log.jsonl curves.svg preview.png report.json report.html events.out.tfevents.l4dtrain; do
   [ -s "whole/$name" ] || die "$name is missing"
 done
-expect 0 "test +[0-9.]+ dB" eval whole -q
+expect 0 "test +[0-9.]+ dB.*, [0-9.]+ JOD" eval whole -q --score all --jod --html jod.html
+grep -q "<th>JOD</th>" jod.html || die "the page has no JOD"
 # The cameras look at one place, so that nothing near to them is drawn, here and by other tools.
 grep -q '"near": 0.2,' whole/settings.json || die "the near plane is not in the settings"
 grep -Eq '"near": [0-9]*[.][0-9]' whole/cameras.json || die "cameras.json has no near plane"

@@ -47,12 +47,13 @@ std::string number(double value, int digits) {
   return std::isfinite(value) ? format("%.*f", digits, value) : "–";
 }
 
-std::string row_of(const std::string& name, const Score& score, bool has_lpips) {
+std::string row_of(const std::string& name, const Score& score, bool has_lpips, bool has_jod) {
   if (score.plain.views == 0) return "";
   return "<tr><th>" + name + "</th><td>" + number(score.plain.mean_psnr, 2) + "</td><td>" +
          number(score.plain.min_psnr, 2) + "</td><td>" + number(score.psnr_affine, 2) +
          "</td><td>" + number(score.plain.mean_ssim, 4) + "</td>" +
-         (has_lpips ? "<td>" + number(score.lpips, 4) + "</td>" : "") + "<td>" +
+         (has_lpips ? "<td>" + number(score.lpips, 4) + "</td>" : "") +
+         (has_jod ? "<td>" + number(score.jod, 3) + "</td>" : "") + "<td>" +
          std::to_string(score.plain.views) + "</td></tr>\n";
 }
 
@@ -133,7 +134,7 @@ std::string map_of(const Capture& capture) {
 }
 
 std::string page_of(const RunReport& r, const Capture& capture, const std::string& curves) {
-  const bool has_lpips = !r.lpips.empty();
+  const bool has_lpips = !r.lpips.empty(), has_jod = std::isfinite(r.train.jod);
   std::string out =
       "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
@@ -153,10 +154,11 @@ std::string page_of(const RunReport& r, const Capture& capture, const std::strin
       ".</p>\n<table><tr><th></th><th>PSNR</th><th>worst view</th><th>after fitting "
       "colours</th><th>SSIM</th>" +
       (has_lpips ? "<th>LPIPS (" + io::escaped_xml(r.lpips) + ")</th>" : std::string()) +
-      "<th>views</th></tr>\n" + row_of("training views", r.train, has_lpips) +
-      row_of("test views", r.test, has_lpips) +
-      row_of("stream, training views", r.stream_train, has_lpips) +
-      row_of("stream, test views", r.stream_test, has_lpips) + "</table>\n";
+      (has_jod ? "<th>JOD</th>" : "") + "<th>views</th></tr>\n" +
+      row_of("training views", r.train, has_lpips, has_jod) +
+      row_of("test views", r.test, has_lpips, has_jod) +
+      row_of("stream, training views", r.stream_train, has_lpips, has_jod) +
+      row_of("stream, test views", r.stream_test, has_lpips, has_jod) + "</table>\n";
   if (!curves.empty()) out += "<h2>Curves</h2>\n" + curves + "\n";
   out += "<h2>Worst views</h2>\n<p>Captured, and as the scene shows it.</p>\n" +
          worst_of(r.test, "test") + worst_of(r.train, "training") +

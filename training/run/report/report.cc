@@ -32,11 +32,14 @@ Json object_of(const Score& score, const std::string& lpips) {
                  {"psnr_affine", finite_or_null(score.psnr_affine)},
                  {"views", score.plain.views}};
   if (!lpips.empty()) object["lpips_" + lpips] = finite_or_null(score.lpips);
+  if (std::isfinite(score.jod)) object["jod"] = score.jod;
   for (const CameraScore& camera : score.cameras) {
-    object["cameras"].push_back({{"name", camera.name},
-                                 {"views", camera.views},
-                                 {"psnr", finite_or_null(camera.psnr)},
-                                 {"min_psnr", finite_or_null(camera.min_psnr)}});
+    Json& entry =
+        object["cameras"].emplace_back(Json{{"name", camera.name},
+                                            {"views", camera.views},
+                                            {"psnr", finite_or_null(camera.psnr)},
+                                            {"min_psnr", finite_or_null(camera.min_psnr)}});
+    if (std::isfinite(camera.jod)) entry["jod"] = camera.jod;
   }
   for (const WorstView& view : score.worst) {
     object["worst_views"].push_back({{"camera", view.camera},
@@ -211,8 +214,8 @@ RunReport evaluate_run(const std::string& folder, const std::string& moved,
   if (lpips) report.lpips = lpips->network();
   const auto score = [&](const char* split, const RenderView& render) {
     return score_views(capture, loader, views_to_score(capture, split, options.scored_instants),
-                       Scorer(lpips.get(), options.background), options.threads, render,
-                       [&] { return observer->cancelled(); });
+                       Scorer(lpips.get(), options.background, options.jod), options.threads,
+                       render, [&] { return observer->cancelled(); });
   };
   const auto render = [&](uint32_t view) {
     const CaptureView& v = capture.views[view];

@@ -16,6 +16,7 @@ struct RunOptions {
   std::string preset;             // of the encoder; "" = no stream
   double bitrate = 0;             // bytes per second, in place of Settings::size; 0 = none
   std::string lpips;              // file of weights, to report LPIPS; "" = it is not reported
+  bool jod = false;               // the last scores have JOD, too
   uint32_t scored_instants = 15;  // at the end, at most, of each split; 0 = all
   Colour background{};            // behind renders and images with alpha that are compared
   std::string cache;              // folder of FrameCache; "" = none

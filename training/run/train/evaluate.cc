@@ -9,6 +9,7 @@
 #include <map>
 #include <mutex>
 #include <numeric>
+#include <optional>
 #include <set>
 
 #include "libl4dcodec/base/threads.h"
@@ -164,6 +165,49 @@ Score Scorer::score() const {
 
 namespace {
 
+// JOD of the videos of cameras, whose views come in the order of their times.
+class VideoScores {
+ public:
+  VideoScores(const Capture& capture, const ImageLoader& loader, const std::vector<uint32_t>& views,
+              uint32_t threads)
+      : capture_(capture), loader_(loader), threads_(threads) {
+    for (const uint32_t view : views) {
+      videos_[capture.views[view].camera].times.push_back(capture.views[view].time);
+    }
+    for (auto& [camera, video] : videos_) std::sort(video.times.begin(), video.times.end());
+  }
+
+  void add(uint32_t view, const io::Image& captured, const io::Image& rendered) {
+    const uint32_t camera = capture_.views[view].camera;
+    Video& video = videos_[camera];
+    const size_t frames = video.times.size();
+    const double fps = eval::video_rate(video.times);
+    if (fps == 0 && frames > 1) return;
+    if (!video.meter) {
+      const l4d_camera& size = loader_.camera(camera);
+      video.meter = std::make_unique<eval::JodMeter>(size.width, size.height, frames, fps,
+                                                     *eval::find_jod_display("standard_4k"),
+                                                     threads_, capture_.holder);
+    }
+    video.meter->add(rendered, captured);
+    if (video.meter->frames().size() < frames) return;
+    video.jod = video.meter->jod();
+    video.meter.reset();
+  }
+  double jod_of(uint32_t camera) const { return videos_.at(camera).jod; }
+
+ private:
+  struct Video {
+    std::vector<double> times;
+    std::unique_ptr<eval::JodMeter> meter;
+    double jod = std::nan("");
+  };
+  const Capture& capture_;
+  const ImageLoader& loader_;
+  const uint32_t threads_;
+  std::map<uint32_t, Video> videos_;  // by camera
+};
+
 // Scores by camera, and the views that are worst.
 class ViewScores {
  public:
@@ -187,15 +231,20 @@ class ViewScores {
     std::sort(worst_.begin(), worst_.end(),
               [](const WorstView& a, const WorstView& b) { return a.psnr < b.psnr; });
   }
-  void put(Score* score) {
+  // videos: may be null.
+  void put(const VideoScores* videos, Score* score) {
+    double sum = 0;
     for (size_t c = 0; c < cameras_.size(); ++c) {
       CameraScore& camera = cameras_[c];
       if (camera.views == 0) continue;
       camera.name = capture_.cameras[c].name;
       camera.psnr /= static_cast<double>(camera.views);
       camera.psnr_affine /= static_cast<double>(camera.views);
+      if (videos != nullptr) camera.jod = videos->jod_of(static_cast<uint32_t>(c));
+      sum += camera.jod;
       score->cameras.push_back(camera);
     }
+    score->jod = sum / static_cast<double>(score->cameras.size());
     score->worst = std::move(worst_);
   }
 
@@ -222,6 +271,8 @@ Score score_views(const Capture& capture, const ImageLoader& loader,
                   const std::vector<uint32_t>& views, Scorer scorer, uint32_t threads,
                   const RenderView& render, const IsCancelled& cancelled) {
   ViewScores by_view(capture, scorer.background());
+  std::optional<VideoScores> videos;
+  if (scorer.measures_jod()) videos.emplace(capture, loader, views, threads);
   // Whole cameras follow each other, so that a video is not opened for each of its frames.
   std::vector<uint32_t> order = views;
   std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
@@ -244,10 +295,14 @@ Score score_views(const Capture& capture, const ImageLoader& loader,
       const io::Image rendered = render(view);
       const std::vector<uint8_t>& mask = loader.mask(capture.views[view].camera);
       by_view.add(view, scorer.add(pixels, mask, rendered, threads), pixels, rendered);
+      if (videos) {
+        videos->add(view, io::masked(image_of(pixels, scorer.background()), mask),
+                    io::masked(rendered, mask));
+      }
     }
   }
   Score score = scorer.score();
-  by_view.put(&score);
+  by_view.put(videos ? &*videos : nullptr, &score);
   return score;
 }
 

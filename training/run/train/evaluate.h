@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cmath>
 #include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "eval/image/lpips.h"
+#include "eval/jod/jod.h"
 #include "io/image/image.h"
 #include "io/image/metrics.h"
 #include "training/images/loader.h"
@@ -24,6 +26,7 @@ struct CameraScore {
   uint64_t views = 0;
   double psnr = 0, min_psnr = 0;  // mean over views; of the worst
   double psnr_affine = 0;         // as that of Score
+  double jod = std::nan("");      // NaN: not measured, or its views are no video
 };
 
 struct WorstView {
@@ -38,7 +41,8 @@ struct Score {
   io::Fidelity plain;
   // After the affine map of colours of each view that fits best: how much of the error is exposure.
   double psnr_affine = 0;
-  double lpips = 0;  // mean over views; of Scorer's network, if it has one
+  double lpips = 0;           // mean over views; of Scorer's network, if it has one
+  double jod = std::nan("");  // mean over cameras; NaN: one has none
   // Of score_views():
   std::vector<CameraScore> cameras;  // that have views, in the order of the capture
   std::vector<WorstView> worst;      // three at most, the worst first
@@ -49,8 +53,9 @@ struct Score {
 class Scorer {
  public:
   // lpips: may be null; else it must outlive this.
-  explicit Scorer(const eval::Lpips* lpips = nullptr, const Colour& background = {})
-      : lpips_(lpips), background_(background) {}
+  explicit Scorer(const eval::Lpips* lpips = nullptr, const Colour& background = {},
+                  bool measures_jod = false)
+      : lpips_(lpips), background_(background), measures_jod_(measures_jod) {}
   struct Psnr {
     double plain, affine;
   };
@@ -59,12 +64,14 @@ class Scorer {
            uint32_t threads);
   Score score() const;
   const Colour& background() const { return background_; }
+  bool measures_jod() const { return measures_jod_; }  // by score_views()
 
  private:
   io::FidelityAccumulator sum_;
   double affine_ = 0, distance_ = 0;
   const eval::Lpips* lpips_;
   Colour background_;
+  bool measures_jod_;
 };
 
 // Training cameras that a scene shows much worse than the others, whatever their colours: their
@@ -75,7 +82,8 @@ using RenderView = std::function<io::Image(uint32_t view)>;
 using IsCancelled = std::function<bool()>;
 
 // Reads the views, renders them and compares. cancelled: may be null. render: called on one thread,
-// with the background of the scorer.
+// with the background of the scorer. JOD is that of the videos that the views of each camera are,
+// at the usual display (eval/jod/jod.h), with the pixels that a mask leaves.
 Score score_views(const Capture& capture, const ImageLoader& loader,
                   const std::vector<uint32_t>& views, Scorer scorer, uint32_t threads,
                   const RenderView& render, const IsCancelled& cancelled);
