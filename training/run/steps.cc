@@ -187,6 +187,7 @@ void Steps::write_stream() {
   scene.presentation = first_view(parts_.capture, *parts_.loader);
   EncoderHandle encoder = make_encoder(scene, "tiny", parts_.options.threads);
   encoder.set(L4D_ENC_EFFORT, 1);
+  encoder.set(L4D_ENC_DROP_INVALID, 1);  // a preview ends no training
   parts_.write("preview.l4d", encoder.encode());
   stream_seconds_ = since(begin);
 }
@@ -259,10 +260,16 @@ void Steps::add_to_log(bool scores) {
 void Steps::look_for_places() {
   parts_.times.begin(kScoring);
   const auto render = [&](uint32_t view) { return trainer_.render(view); };
-  for (const auto& [camera, note] :
-       notes_of_places(parts_.capture, *parts_.loader, parts_.options.threads,
-                       parts_.options.background, render)) {
-    if (++elsewhere_[camera] == kLooks) parts_.say(note);
+  try {
+    for (const auto& [camera, note] : notes_of_places(
+             parts_.capture, *parts_.loader, parts_.options.threads, parts_.options.background,
+             render, [&] { return parts_.observer->cancelled(); })) {
+      if (++elsewhere_[camera] == kLooks) parts_.say(note);
+    }
+  } catch (const BucketError&) {
+    throw;  // no image is to blame
+  } catch (const Error&) {
+    // An image that cannot be read: the step that wants it says so and keeps the work.
   }
 }
 

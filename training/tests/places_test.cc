@@ -69,15 +69,17 @@ TEST(Places, OfTurnedCamerasAreNamedAndNoOthers) {
     const std::unique_ptr<Backend> backend = make_cpu_backend(1);
     backend->load(model_of(test::tiny_truth()), capture.timeline());
     constexpr float kBlack[3] = {0, 0, 0};
-    const std::map<uint32_t, std::string> notes =
-        notes_of_places(capture, loader, 1, {0, 0, 0}, [&](uint32_t view) {
+    const std::map<uint32_t, std::string> notes = notes_of_places(
+        capture, loader, 1, {0, 0, 0},
+        [&](uint32_t view) {
           return backend->render(loader.camera_of(view), capture.views[view].time, kBlack);
-        });
+        },
+        nullptr);
     if (degrees == 0) {
       EXPECT_TRUE(notes.empty()) << notes.begin()->second;
     } else {
       EXPECT_THAT(notes, testing::ElementsAre(
-                             testing::Pair(6, testing::HasSubstr("amera 6 sees what the others"))));
+                             testing::Pair(6, testing::HasSubstr("amera 6 sees things 2."))));
     }
   }
 }

@@ -171,26 +171,29 @@ class VideoScores {
   VideoScores(const Capture& capture, const ImageLoader& loader, const std::vector<uint32_t>& views,
               uint32_t threads)
       : capture_(capture), loader_(loader), threads_(threads) {
+    std::map<uint32_t, std::vector<double>> times;
     for (const uint32_t view : views) {
-      videos_[capture.views[view].camera].times.push_back(capture.views[view].time);
+      times[capture.views[view].camera].push_back(capture.views[view].time);
     }
-    for (auto& [camera, video] : videos_) std::sort(video.times.begin(), video.times.end());
+    for (auto& [camera, of] : times) {
+      std::sort(of.begin(), of.end());
+      videos_[camera].frames = of.size();
+      videos_[camera].fps = eval::video_rate(of);
+    }
   }
 
   void add(uint32_t view, const io::Image& captured, const io::Image& rendered) {
     const uint32_t camera = capture_.views[view].camera;
     Video& video = videos_[camera];
-    const size_t frames = video.times.size();
-    const double fps = eval::video_rate(video.times);
-    if (fps == 0 && frames > 1) return;
+    if (video.fps == 0 && video.frames > 1) return;
     if (!video.meter) {
       const l4d_camera& size = loader_.camera(camera);
-      video.meter = std::make_unique<eval::JodMeter>(size.width, size.height, frames, fps,
-                                                     *eval::find_jod_display("standard_4k"),
-                                                     threads_, capture_.holder);
+      video.meter = std::make_unique<eval::JodMeter>(
+          size.width, size.height, video.frames, video.fps, *eval::find_jod_display("standard_4k"),
+          threads_, io::Hold());
     }
     video.meter->add(rendered, captured);
-    if (video.meter->frames().size() < frames) return;
+    if (video.meter->frames().size() < video.frames) return;
     video.jod = video.meter->jod();
     video.meter.reset();
   }
@@ -198,7 +201,8 @@ class VideoScores {
 
  private:
   struct Video {
-    std::vector<double> times;
+    size_t frames = 0;
+    double fps = 0;  // 0: an image, or not evenly spaced
     std::unique_ptr<eval::JodMeter> meter;
     double jod = std::nan("");
   };
@@ -267,6 +271,28 @@ class ViewScores {
 
 }  // namespace
 
+void for_each_image(const ImageLoader& loader, const std::vector<uint32_t>& views, uint32_t threads,
+                    const std::function<void(uint32_t view, const Pixels& pixels)>& visit,
+                    const IsCancelled& cancelled) {
+  for (size_t begin = 0; begin < views.size(); begin += kBatch) {
+    const auto first = views.begin() + static_cast<ptrdiff_t>(begin);
+    const auto end = views.begin() + static_cast<ptrdiff_t>(std::min(begin + kBatch, views.size()));
+    std::map<uint32_t, Pixels> images;
+    std::mutex mutex;
+    loader.load(
+        std::vector<uint32_t>(first, end), threads,
+        [&](uint32_t view, Pixels pixels) {
+          const std::lock_guard<std::mutex> lock(mutex);
+          images[view] = std::move(pixels);
+        },
+        cancelled);
+    for (auto view = first; view != end; ++view) {
+      if (cancelled && cancelled()) throw io::Error(L4D_ERR_CANCELLED, "cancelled");
+      visit(*view, images.at(*view));
+    }
+  }
+}
+
 Score score_views(const Capture& capture, const ImageLoader& loader,
                   const std::vector<uint32_t>& views, Scorer scorer, uint32_t threads,
                   const RenderView& render, const IsCancelled& cancelled) {
@@ -278,29 +304,23 @@ Score score_views(const Capture& capture, const ImageLoader& loader,
   std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
     return capture.views[a].camera < capture.views[b].camera;
   });
-  for (size_t begin = 0; begin < order.size(); begin += kBatch) {
-    const auto first = order.begin() + static_cast<ptrdiff_t>(begin);
-    const auto end = order.begin() + static_cast<ptrdiff_t>(std::min(begin + kBatch, order.size()));
-    std::map<uint32_t, Pixels> images;
-    std::mutex mutex;
-    loader.load(
-        std::vector<uint32_t>(first, end), threads,
-        [&](uint32_t view, Pixels pixels) {
-          const std::lock_guard<std::mutex> lock(mutex);
-          images[view] = std::move(pixels);
-        },
-        cancelled);
-    for (const auto& [view, pixels] : images) {
-      if (cancelled && cancelled()) throw io::Error(L4D_ERR_CANCELLED, "cancelled");
-      const io::Image rendered = render(view);
-      const std::vector<uint8_t>& mask = loader.mask(capture.views[view].camera);
-      by_view.add(view, scorer.add(pixels, mask, rendered, threads), pixels, rendered);
-      if (videos) {
-        videos->add(view, io::masked(image_of(pixels, scorer.background()), mask),
-                    io::masked(rendered, mask));
-      }
-    }
+  // In a part, cameras of an instant share what the back end has then; videos are whole, one by
+  // one.
+  for (size_t begin = 0; !videos && begin < order.size(); begin += kBatch) {
+    const size_t end = std::min(begin + kBatch, order.size());
+    std::sort(order.begin() + static_cast<ptrdiff_t>(begin),
+              order.begin() + static_cast<ptrdiff_t>(end));
   }
+  const auto compare = [&](uint32_t view, const Pixels& pixels) {
+    const io::Image rendered = render(view);
+    const std::vector<uint8_t>& mask = loader.mask(capture.views[view].camera);
+    by_view.add(view, scorer.add(pixels, mask, rendered, threads), pixels, rendered);
+    if (videos) {
+      videos->add(view, io::masked(image_of(pixels, scorer.background()), mask),
+                  io::masked(rendered, mask));
+    }
+  };
+  for_each_image(loader, order, threads, compare, cancelled);
   Score score = scorer.score();
   by_view.put(videos ? &*videos : nullptr, &score);
   return score;

@@ -81,6 +81,12 @@ std::vector<std::string> notes_of_cameras(const Score& train);
 using RenderView = std::function<io::Image(uint32_t view)>;
 using IsCancelled = std::function<bool()>;
 
+// Reads the views, a part of them at a time, and hands them out in their order on one thread.
+// cancelled: may be null. Throws io::Error: CANCELLED, or what is wrong with an image.
+void for_each_image(const ImageLoader& loader, const std::vector<uint32_t>& views, uint32_t threads,
+                    const std::function<void(uint32_t view, const Pixels& pixels)>& visit,
+                    const IsCancelled& cancelled);
+
 // Reads the views, renders them and compares. cancelled: may be null. render: called on one thread,
 // with the background of the scorer. JOD is that of the videos that the views of each camera are,
 // at the usual display (eval/jod/jod.h), with the pixels that a mask leaves.

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstdio>
 #include <map>
-#include <mutex>
 
 #include "training/sync/shift.h"
 
@@ -32,7 +31,8 @@ std::map<uint32_t, uint32_t> first_views(const Capture& capture) {
 
 std::map<uint32_t, std::string> notes_of_places(const Capture& capture, const ImageLoader& loader,
                                                 uint32_t threads, const Colour& background,
-                                                const RenderView& render) {
+                                                const RenderView& render,
+                                                const IsCancelled& cancelled) {
   std::vector<uint32_t> views;
   const std::map<uint32_t, uint32_t> all = first_views(capture);
   const size_t most = std::min(kCameras, all.size());
@@ -44,37 +44,30 @@ std::map<uint32_t, std::string> notes_of_places(const Capture& capture, const Im
   }
   std::map<uint32_t, std::string> notes;
   if (views.size() < kLeastCameras) return notes;
-  std::map<uint32_t, Pixels> images;
-  std::mutex mutex;
-  loader.load(views, threads, [&](uint32_t view, Pixels pixels) {
-    const std::lock_guard<std::mutex> lock(mutex);
-    images[view] = std::move(pixels);
-  });
-  std::map<uint32_t, double> angles;  // by view; 0 where nothing says that it is moved
+  std::map<uint32_t, double> angles;  // by camera; 0 where nothing says that it is moved
   std::vector<double> sorted;
-  for (const uint32_t view : views) {
+  const auto look = [&](uint32_t view, const Pixels& pixels) {
     const uint32_t camera = capture.views[view].camera;
     const Shift shift =
-        shift_between(image_of(images[view], background), render(view), loader.mask(camera));
+        shift_between(image_of(pixels, background), render(view), loader.mask(camera));
     const bool is_one =
         shift.correlation >= kLeastCorrelation && shift.correlation >= shift.unmoved + kLeastGain;
     const l4d_camera& lens = loader.camera(camera);
-    angles[view] =
+    angles[camera] =
         is_one ? std::atan(std::hypot(shift.x / lens.fx, shift.y / lens.fy)) / kDegree : 0;
-    sorted.push_back(angles[view]);
-    images.erase(view);
-  }
+    sorted.push_back(angles[camera]);
+  };
+  for_each_image(loader, views, threads, look, cancelled);
   const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
   std::nth_element(sorted.begin(), middle, sorted.end());
   const double limit = std::max(kLeastAngle, kOfOthers * *middle);
-  for (const auto& [view, angle] : angles) {
+  for (const auto& [camera, angle] : angles) {
     if (angle < limit) continue;
-    char text[200];
+    char text[160];
     std::snprintf(text, sizeof(text),
-                  " sees what the others have %.1f degrees away, and they agree to %.1f: its place "
-                  "or lens may be wrong, or its clock where all it sees moves.",
-                  angle, *middle);
-    const uint32_t camera = capture.views[view].camera;
+                  " sees things %.1f degrees away from where the other cameras see them: its place "
+                  "or lens may be wrong.",
+                  angle);
     std::string note = capture.cameras[camera].name + text;
     note[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(note[0])));
     notes[camera] = note;
