@@ -347,7 +347,8 @@ l4d_status l4d_decoder_decode(l4d_decoder* decoder, const l4d_query* query,
   return with_stream(decoder, required(query, out), [&](l4d::Decoder& d) -> Status {
     l4d_gaussian_buffers buffers = read_struct(*out);
     const l4d_query q = read_struct(*query);
-    const bool on_device = decoder->decodes_on_device && buffers.mean_t_double == nullptr;
+    const bool on_device = decoder->decodes_on_device && buffers.mean_t_double == nullptr &&
+                           buffers.sh_half == nullptr;
     return write_output(on_device ? decoder->decode_on_device(q, &buffers) : d.decode(q, &buffers),
                         buffers, out);
   });

@@ -12,6 +12,8 @@ namespace {
 constexpr uint64_t kPastCacheGaussians = 32768;
 // Gaussians reconstructed at a time: the rows between two steps stay in the first-level cache.
 constexpr size_t kRowBlock = 256;
+// Rows of SH at a time that become binary16: in the second-level cache.
+constexpr size_t kHalfBlock = 512;
 
 // The rows of one component, taken front to back.
 class ComponentRows {
@@ -117,7 +119,7 @@ void PageExpander::run(const l4d_bucket_span& span, size_t first, const l4d_gaus
   if (out.opacity != nullptr) {
     opacities(out.opacity + first);
   }
-  if (out.sh != nullptr) spherical_harmonics(out.sh + header_.sh_dim() * first);
+  if (out.sh != nullptr || out.sh_half != nullptr) spherical_harmonics(first, out);
   if (out.log_scale != nullptr) log_scales(out.log_scale + 4 * first);
   if (out.rotor != nullptr) rotors(out.rotor + 8 * first);
 }
@@ -228,24 +230,36 @@ void PageExpander::opacities(float* dst) const {
   for (size_t i = 0; i < columns_.n; ++i) dst[i] = clamp_opacity(dst[i]);
 }
 
-void PageExpander::spherical_harmonics(float* dst) const {
-  const unsigned dim = header_.sh_dim();
+void PageExpander::spherical_harmonics(size_t first, const l4d_gaussian_buffers& out) {
+  const size_t dim = header_.sh_dim();
   const auto& codebooks = codebooks_.codebook[L4D_COMPONENT_SH];
   const bool detail = columns_.sh_detail;
-  if (!detail && header_.sh_base == 0) {
+  ComponentRows sh(kernels_, transform_, header_.sh, header_.sh_dim(),
+                   columns_.component[L4D_COMPONENT_SH], codebooks,
+                   detail ? kMaxCoefficients : header_.sh_base);
+  const auto rows = [&](size_t begin, size_t end, float* dst) {
+    if (detail || header_.sh_base != 0) {
+      sh.rows(begin, end, dst, past_cache_ && out.sh_half == nullptr);
+      return;
+    }
     // Neither step_exponents nor depths are there: rows of no coefficients, or of depth 0.
-    for (size_t i = 0; i < columns_.n; ++i, dst += dim) {
+    for (size_t i = begin; i < end; ++i, dst += dim) {
       if (header_.sh.transform()) {
         std::copy_n(codebooks[0]->entries.data(), dim, dst);
       } else {
         std::fill_n(dst, dim, 0.0f);
       }
     }
-    return;
+  };
+  if (out.sh_half == nullptr) return rows(0, columns_.n, out.sh + dim * first);
+  scratch_.sh.resize(out.sh == nullptr ? dim * kHalfBlock : 0);
+  for (size_t begin = 0; begin < columns_.n; begin += kHalfBlock) {
+    const size_t end = std::min(begin + kHalfBlock, columns_.n);
+    const size_t at = dim * (first + begin);
+    float* const to = out.sh == nullptr ? scratch_.sh.data() : out.sh + at;
+    rows(begin, end, to);
+    kernels_.halves(to, dim * (end - begin), out.sh_half + at);
   }
-  ComponentRows sh(kernels_, transform_, header_.sh, dim, columns_.component[L4D_COMPONENT_SH],
-                   codebooks, detail ? kMaxCoefficients : header_.sh_base);
-  sh.rows(0, columns_.n, dst, past_cache_);
 }
 
 void PageExpander::log_scales(float* dst) {

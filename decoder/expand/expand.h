@@ -27,7 +27,7 @@ struct PageCodebooks {
 
 // Buffers kept from page to page.
 struct ExpandScratch {
-  std::vector<float> rows_a, rows_b, factor, means;
+  std::vector<float> rows_a, rows_b, factor, means, sh;
 };
 
 class PageExpander {
@@ -53,7 +53,7 @@ class PageExpander {
   void scalars(const ScalarCoding& coding, const std::vector<uint16_t>& codes,
                const std::vector<float>& raw, float* dst) const;
   void opacities(float* dst) const;
-  void spherical_harmonics(float* dst) const;
+  void spherical_harmonics(size_t first, const l4d_gaussian_buffers& out);
   void log_scales(float* dst);
   void rotors(float* dst);
   void stereographic_rotors(float* dst);

@@ -290,7 +290,7 @@ Status PageDecoder::expand(const Plan& plan, size_t begin, size_t end,
   wants.opacity = out.opacity != nullptr;
   wants.scale = out.log_scale != nullptr;
   wants.rotor = out.rotor != nullptr;
-  wants.sh = out.sh != nullptr;
+  wants.sh = out.sh != nullptr || out.sh_half != nullptr;
   wants.sh_detail = plan.detail == L4D_DETAIL_FULL;
   return for_each_page({plan, begin, end, wants, lost}, progress,
                        [&](size_t i, const PageColumns& columns, const PageCodebooks& codebooks,

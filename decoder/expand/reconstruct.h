@@ -55,6 +55,8 @@ struct ReconstructKernels {
   // 8].
   void (*rotors)(const float* spatial, const float* temporal, size_t n, float* dst,
                  bool past_cache);
+  // dst[i] = the binary16 number nearest to from[i] (floats_to_halves, base/half.h).
+  void (*halves)(const float* from, size_t n, uint16_t* dst);
 };
 
 // Scalar loops in the words of the specification.

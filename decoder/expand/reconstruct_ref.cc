@@ -80,8 +80,9 @@ void rotors(const float* spatial, const float* temporal, size_t n, float* dst, b
 }  // namespace
 
 const ReconstructKernels& reconstruct_kernels_reference() {
-  static constexpr ReconstructKernels kKernels = {positions, means,   fixed_means, absolute_means,
-                                                  scalars,   vq_rows, log_scales,  rotors};
+  static constexpr ReconstructKernels kKernels = {positions,      means,   fixed_means,
+                                                  absolute_means, scalars, vq_rows,
+                                                  log_scales,     rotors,  floats_to_halves};
   return kKernels;
 }
 

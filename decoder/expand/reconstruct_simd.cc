@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cstring>
+#include <limits>
 
 #include "decoder/expand/reconstruct.h"
 #include "libl4dcodec/base/half.h"
@@ -343,9 +344,43 @@ void rotors(const float* spatial, const float* temporal, size_t n, float* dst, b
 
 #endif  // HWY_TARGET == HWY_SCALAR
 
+void halves(const float* from, size_t n, uint16_t* dst) {
+  const hn::ScalableTag<float> df;
+  const hn::RebindToSigned<decltype(df)> di;
+  const hn::Rebind<uint16_t, decltype(df)> dh;
+  const size_t lanes = hn::Lanes(df);
+  size_t i = 0;
+  for (; i + lanes <= n; i += lanes) {
+    const auto bits = hn::BitCast(di, hn::LoadU(df, from + i));
+    const auto sign = hn::And(bits, hn::Set(di, std::numeric_limits<int32_t>::min()));
+    const auto magnitude =
+        hn::Min(hn::AndNot(hn::Set(di, std::numeric_limits<int32_t>::min()), bits),
+                hn::Set(di, 0x477fe000));
+#if HWY_TARGET <= HWY_AVX2 && !defined(HWY_DISABLE_F16C)
+    // The instruction rounds to the nearest, and knows no mode that flushes what is subnormal.
+    const hn::Rebind<hwy::float16_t, decltype(df)> d16;
+    hn::StoreU(hn::BitCast(dh, hn::DemoteTo(d16, hn::BitCast(df, hn::Or(sign, magnitude)))), dh,
+               dst + i);
+#else
+    const auto odd = hn::And(hn::ShiftRight<13>(magnitude), hn::Set(di, 1));
+    const auto normal =
+        hn::ShiftRight<13>(hn::Add(hn::Add(magnitude, odd), hn::Set(di, 0xfff - 0x38000000)));
+    // The last bit of 0.5 is that of subnormal halves.
+    const auto subnormal =
+        hn::Sub(hn::BitCast(di, hn::Add(hn::BitCast(df, magnitude), hn::Set(df, 0.5f))),
+                hn::Set(di, 0x3f000000));
+    const auto half = hn::IfThenElse(hn::Lt(magnitude, hn::Set(di, 0x38800000)), subnormal, normal);
+    const hn::RebindToUnsigned<decltype(df)> du;
+    const auto high = hn::BitCast(di, hn::ShiftRight<16>(hn::BitCast(du, sign)));
+    hn::StoreU(hn::DemoteTo(dh, hn::Or(high, half)), dh, dst + i);
+#endif
+  }
+  floats_to_halves(from + i, n - i, dst + i);
+}
+
 const ReconstructKernels* kernels() {
-  static constexpr ReconstructKernels kKernels = {positions, means,   fixed_means, absolute_means,
-                                                  scalars,   vq_rows, log_scales,  rotors};
+  static constexpr ReconstructKernels kKernels = {
+      positions, means, fixed_means, absolute_means, scalars, vq_rows, log_scales, rotors, halves};
   return &kKernels;
 }
 

@@ -77,6 +77,7 @@ Status decode_query(OpenStream& stream, const l4d_query& query, l4d_gaussian_buf
         *out);
     move_rows(moves, 1, out->mean_t_double);
     move_rows(moves, 2, out->window);
+    move_rows(moves, stream.file().header().sh_dim(), out->sh_half);
     move_rows(moves, 1, out->id);
   }
   describe_output(plan, out);

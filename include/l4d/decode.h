@@ -257,8 +257,8 @@ L4D_API l4d_status l4d_decoder_select(l4d_decoder* decoder, const l4d_query* que
 L4D_API l4d_status l4d_decoder_get_spans(l4d_decoder* decoder, const l4d_query* query,
                                          l4d_bucket_span* out, uint64_t capacity, uint64_t* count);
 
-/* Output arrays, owned by the caller. A NULL array is not decoded and costs no time. If `sh` is
- * NULL, SH detail is not read either. */
+/* Output arrays, owned by the caller. A NULL array is not decoded and costs no time. If `sh`
+ * and `sh_half` are NULL, SH detail is not read either. */
 typedef struct l4d_gaussian_buffers {
   size_t struct_size;
   uint64_t capacity;   /* Gaussians each array can hold */
@@ -280,6 +280,9 @@ typedef struct l4d_gaussian_buffers {
   /* [N, 2] frames: begin and end of flat windows, as in l4d_gaussians; 0, 0 in layers without
    * L4D_TOOL_FLAT_WINDOWS. The mean time of a Gaussian with a window is the middle of it. */
   uint32_t* window;
+  /* [N, (D+1)^2, 3] binary16, each the nearest to that of `sh` (ties to even), within +-65504: half
+   * the memory of `sh`, for those who upload to a GPU. The host decodes, whatever the backend. */
+  uint16_t* sh_half;
 } l4d_gaussian_buffers;
 
 /* Decodes what the query selects. Reads the pages of the selected buckets, and each codebook on its

@@ -6,6 +6,7 @@
 
 #include "l4d/experimental/inspect.h"
 #include "l4d/experimental/packed.h"
+#include "libl4dcodec/base/half.h"
 #include "tests/common/codec.h"
 
 namespace l4d {
@@ -81,6 +82,33 @@ TEST_P(Output, NothingBehindTheCountIsTouched) {
     EXPECT_EQ(tail, std::vector<float>(tail.size(), -77.0f));
     got[i]->resize(n * dims[i]);
     EXPECT_TRUE(same_bits("array", *want[i], *got[i]));
+  }
+}
+
+std::vector<uint16_t> halves_of(const std::vector<float>& values) {
+  std::vector<uint16_t> halves;
+  for (const float v : values) halves.push_back(float_to_half_saturate(v));
+  return halves;
+}
+
+TEST_P(Output, ShAsHalvesIsTheNearest) {
+  const DecoderHandle d = opened(GetParam().bytes());
+  for (l4d_query q : {all_query(), time_query(1.0)}) {
+    for (const uint32_t detail : {L4D_DETAIL_FULL, L4D_DETAIL_BASE_COLOR}) {
+      q.point.detail = detail;
+      const GaussianArrays want = d.decode(q);
+      std::vector<float> sh(want.sh.size(), -77.0f);
+      for (float* const beside : {static_cast<float*>(nullptr), sh.data()}) {
+        std::vector<uint16_t> half(want.sh.size(), 0x1234);
+        l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
+        b.capacity = want.count();
+        b.sh = beside;
+        b.sh_half = half.data();
+        ASSERT_EQ(l4d_decoder_decode(d.get(), &q, &b), L4D_OK);
+        EXPECT_EQ(half, halves_of(want.sh));
+      }
+      EXPECT_TRUE(same_bits("sh", want.sh, sh));
+    }
   }
 }
 

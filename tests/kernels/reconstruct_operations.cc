@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <cstring>
 
 #include "libl4dcodec/base/half.h"
 #include "libl4dcodec/container/scene_header.h"
@@ -209,6 +210,28 @@ std::unique_ptr<Call> make_rotors(const CallOptions& o) {
       });
 }
 
+// Numbers of any bits, halves, and what lies halfway between two of them or a bit beside that.
+std::unique_ptr<Call> make_halves(const CallOptions& o) {
+  Random random(o.seed);
+  std::vector<float> from(o.n + o.offset);
+  for (float& x : from) {
+    uint32_t bits = random.below(0x10000) << 16 | random.below(0x10000);
+    const uint32_t kind = random.below(4);
+    if (kind != 0) {
+      const float half = half_to_float(static_cast<uint16_t>(bits));
+      std::memcpy(&bits, &half, sizeof(bits));
+      if (kind != 1) bits += 0x1000 + random.below(3) - 1;
+    }
+    std::memcpy(&x, &bits, sizeof(bits));
+  }
+  return std::make_unique<ArrayCall<uint16_t>>(
+      o.n, o.offset, std::vector<uint16_t>(),
+      [from, o](const Kernels& k, uint16_t* out) -> uint64_t {
+        k.reconstruct->halves(from.data() + o.offset, o.n, out);
+        return 0;
+      });
+}
+
 }  // namespace
 
 const std::vector<Operation>& reconstruct_operations() {
@@ -230,7 +253,8 @@ const std::vector<Operation>& reconstruct_operations() {
       {"vq_rows_12_stages_2_full", make_vq<12, 2, false>},
       {"vq_rows_4_escapes", make_vq<4, 1, true>},
       {"log_scales", make_log_scales},
-      {"rotors", make_rotors}};
+      {"rotors", make_rotors},
+      {"halves", make_halves}};
   return kOperations;
 }
 

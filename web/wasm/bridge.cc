@@ -27,7 +27,8 @@ struct Session {
   l4d::web::Unset<char> input;
   std::vector<double> numbers;
   l4d::web::Unset<float> floats[8];
-  std::vector<uint32_t> windows;  // [count, 2] of a stream with flat windows, else empty
+  l4d::web::Unset<uint16_t> halves;  // SH, where rows are made of them
+  std::vector<uint32_t> windows;     // [count, 2] of a stream with flat windows, else empty
   l4d::web::Rows rows;
 };
 
@@ -90,7 +91,9 @@ l4d_status list_all(std::vector<T>* out, const Get& get) {
 // Which of the arrays of a decoded bucket lies where in Session::floats.
 enum { kPosition, kMeanTime, kMeanTimeLocal, kLogScale, kRotor, kOpacity, kSh, kCovariance };
 
-l4d_status decode(Session& s, const l4d_query& query, std::vector<l4d_bucket_span>* ranges) {
+// SH comes as binary32, or as binary16.
+l4d_status decode(Session& s, const l4d_query& query, bool halves,
+                  std::vector<l4d_bucket_span>* ranges) {
   l4d_info info;
   l4d_selection selection = L4D_INIT(l4d_selection);
   l4d_status status = info_of(s, &info);
@@ -98,8 +101,9 @@ l4d_status decode(Session& s, const l4d_query& query, std::vector<l4d_bucket_spa
   if (status != L4D_OK) return status;
   const size_t n = static_cast<size_t>(selection.num_gaussians);
   const size_t terms = size_t{info.sh_degree + 1} * (info.sh_degree + 1);
-  const size_t widths[] = {3, 1, 1, 4, 8, 1, 3 * terms, 0};
+  const size_t widths[] = {3, 1, 1, 4, 8, 1, halves ? 0 : 3 * terms, 0};
   for (size_t k = 0; k < 8; ++k) s.floats[k].resize(n * widths[k]);
+  s.halves.resize(halves ? n * 3 * terms : 0);
   s.windows.resize((info.tools & L4D_TOOL_FLAT_WINDOWS) != 0 ? 2 * n : 0);
   ranges->resize(static_cast<size_t>(selection.num_spans));
   l4d_gaussian_buffers b = L4D_INIT(l4d_gaussian_buffers);
@@ -110,7 +114,8 @@ l4d_status decode(Session& s, const l4d_query& query, std::vector<l4d_bucket_spa
   b.log_scale = s.floats[kLogScale].data();
   b.rotor = s.floats[kRotor].data();
   b.opacity = s.floats[kOpacity].data();
-  b.sh = s.floats[kSh].data();
+  b.sh = halves ? nullptr : s.floats[kSh].data();
+  b.sh_half = halves ? s.halves.data() : nullptr;
   b.window = s.windows.empty() ? nullptr : s.windows.data();
   b.spans = ranges->data();
   b.span_capacity = ranges->size();
@@ -418,7 +423,7 @@ l4d_status L4DW_EXPORT(l4dw_rows)(Session* s, uint32_t layer, uint32_t bucket, u
     query.buckets = &wanted;
     query.num_buckets = 1;
     std::vector<l4d_bucket_span> ranges;
-    l4d_status status = decode(*s, query, &ranges);
+    l4d_status status = decode(*s, query, true, &ranges);
     l4d_info info;
     l4d_layer_info layer_info = L4D_INIT(l4d_layer_info);
     if (status == L4D_OK) status = info_of(*s, &info);
@@ -433,10 +438,9 @@ l4d_status L4DW_EXPORT(l4dw_rows)(Session* s, uint32_t layer, uint32_t bucket, u
     g.log_scale = s->floats[kLogScale].data();
     g.rotor = s->floats[kRotor].data();
     g.opacity = s->floats[kOpacity].data();
-    g.sh = s->floats[kSh].data();
     g.window = s->windows.empty() ? nullptr : s->windows.data();
     const double center = ranges.empty() ? info.timeline.time_begin : ranges[0].center;
-    s->rows.fill(g, s->floats[kMeanTimeLocal].data(), info.timeline, center,
+    s->rows.fill(g, s->floats[kMeanTimeLocal].data(), s->halves.data(), info.timeline, center,
                  layer_info.permanent != 0, std::max(sh_degree, info.sh_degree));
     s->numbers.clear();
     put(*s, {number(s->rows.count), number(s->rows.sh_stride), center,
@@ -454,7 +458,7 @@ l4d_status L4DW_EXPORT(l4dw_decode)(Session* s, double begin, double end, uint32
         query_of(begin <= end ? (begin == end ? L4D_QUERY_TIME : L4D_QUERY_RANGE) : L4D_QUERY_ALL,
                  begin, end, detail);
     std::vector<l4d_bucket_span> ranges;
-    const l4d_status status = decode(*s, query, &ranges);
+    const l4d_status status = decode(*s, query, false, &ranges);
     if (status != L4D_OK) return status;
     s->numbers.clear();
     put(*s, {number(s->floats[kOpacity].size())});
@@ -493,6 +497,7 @@ l4d_status L4DW_EXPORT(l4dw_look)(Session* s, double begin, double end) {
 // Gives back what the last calls have decoded.
 void L4DW_EXPORT(l4dw_release)(Session* s) {
   for (l4d::web::Unset<float>& v : s->floats) v.clear();
+  s->halves.clear();
   std::vector<uint32_t>().swap(s->windows);
   s->rows = {};
 }

@@ -3,13 +3,13 @@
 // time.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <vector>
 
-#include "libl4dcodec/base/half.h"
 #include "libl4dcodec/scene/prepare.h"
 #include "web/wasm/unset.h"
 
@@ -28,9 +28,10 @@ struct Rows {
   Unset<uint16_t> sh;     // [count, sh_stride]
 
   // Leaves out what is never visible and what is not finite. The falloff of permanent layers is not
-  // looked at. sh_degree: of the rows, at least that of the Gaussians.
-  void fill(const l4d_gaussians& g, const float* mean_t_local, const l4d_timeline& timeline,
-            double center, bool permanent, uint32_t sh_degree) {
+  // looked at. halves: SH as the decoder writes them. sh_degree: of the rows, at least that of the
+  // Gaussians.
+  void fill(const l4d_gaussians& g, const float* mean_t_local, const uint16_t* halves,
+            const l4d_timeline& timeline, double center, bool permanent, uint32_t sh_degree) {
     const auto terms = [](size_t degree) { return 3 * (degree + 1) * (degree + 1); };
     const size_t numbers = terms(g.sh_degree);
     const Sequence sequence = sequence_of(timeline);
@@ -75,7 +76,7 @@ struct Rows {
       }
       if (!std::isfinite(sum)) continue;
       uint16_t* coefficients = sh.data() + sh_stride * count;
-      floats_to_halves(g.sh + numbers * i, numbers, coefficients);
+      std::copy_n(halves + numbers * i, numbers, coefficients);
       for (size_t k = numbers; k < sh_stride; ++k) coefficients[k] = 0;
       ++count;
     }
