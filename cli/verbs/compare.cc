@@ -166,7 +166,7 @@ void compare_views(Context& context, const CompareArguments& arguments, const In
   }
   if (!arguments.min_jod.empty()) {
     const double least = parse_number(arguments.min_jod, "--min-jod");
-    verdict.demand(compared.jod >= least, "JOD >= " + format_number(least));
+    verdict.demand(compared.min_jod >= least, "JOD of every camera >= " + format_number(least));
   }
 }
 
@@ -298,7 +298,7 @@ void add_compare(Registry& registry) {
       ->type_name("NAME")
       ->group(group);
   verb->add_option("--min-jod", arguments->min_jod,
-                   "Exit with 1 if the JOD of B against A is less; measures it")
+                   "Exit with 1 if the JOD of B against A is less in any camera; measures it")
       ->type_name("J")
       ->group(group);
   verb->add_flag("--attributes", arguments->attributes,

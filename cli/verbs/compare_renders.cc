@@ -38,7 +38,7 @@ RendersCompared compare_renders(Context& context, const Input& input_a, const In
   }
   return {image_json(comparison, options.per_view), image_text(comparison, options.per_view),
           comparison.summary(&eval::ViewFidelity::fidelity).psnr,
-          options.display != nullptr ? comparison.mean_jod(&eval::CameraJod::jod) : 0};
+          options.display != nullptr ? comparison.min_jod() : 0};
 }
 
 }  // namespace l4d::cli

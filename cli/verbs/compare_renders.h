@@ -32,7 +32,7 @@ struct RendersCompared {
   Json json;
   std::string text;
   double fidelity_db = 0;
-  double jod = 0;  // mean over cameras, where it was measured
+  double min_jod = 0;  // of the worst camera, where it was measured
 };
 
 // Renders both inputs. opened: called once both are open. Throws in builds without the renderer.

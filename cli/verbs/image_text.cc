@@ -23,6 +23,7 @@ std::string row(const std::string& name, double psnr, double ssim, const std::st
 void put_jod(const eval::ImageComparison& c, Json& j) {
   if (c.display == nullptr) return;
   j["jod"] = c.mean_jod(&CameraJod::jod);
+  j["min_jod"] = c.min_jod();
   if (c.has_images) {
     j["jod_a"] = c.mean_jod(&CameraJod::a);
     j["jod_b"] = c.mean_jod(&CameraJod::b);
@@ -45,11 +46,12 @@ void put_jod(const eval::ImageComparison& c, Json& j) {
 std::string jod_text(const eval::ImageComparison& c) {
   if (c.display == nullptr) return "";
   std::string t =
-      format("%-28s %8.3f     %s, %.2f pixels a degree\n", "JOD, B against A",
+      format("%-28s %8.3f     %s, %.2f pixels a degree\n", "mean JOD, B against A",
              c.mean_jod(&CameraJod::jod), c.display->name, c.display->pixels_per_degree);
   if (c.has_images) {
-    t += format("%-28s %8.3f\n%-28s %8.3f\n", "JOD, A against captured", c.mean_jod(&CameraJod::a),
-                "JOD, B against captured", c.mean_jod(&CameraJod::b));
+    t += format("%-28s %8.3f\n%-28s %8.3f\n", "mean JOD, A against captured",
+                c.mean_jod(&CameraJod::a), "mean JOD, B against captured",
+                c.mean_jod(&CameraJod::b));
   }
   for (const CameraJod& camera : c.jods) {
     const std::string frames =

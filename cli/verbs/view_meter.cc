@@ -79,7 +79,7 @@ double ViewMeter::of(const eval::Encoding& encoding, eval::Observer& observer) c
   if (!parts_->meter) {
     return eval::compare_images(*parts_->original, coded, parts_->videos, false, nullptr,
                                 parts_->context.options.threads, observer, parts_->target.display)
-        .mean_jod(&eval::CameraJod::jod);
+        .min_jod();
   }
   return parts_->target.kind == eval::Target::Kind::kPsnrLoss
              ? parts_->meter->psnr_loss(coded, observer)

@@ -132,6 +132,13 @@ double ImageComparison::mean_jod(double CameraJod::*of) const {
   return sum / static_cast<double>(jods.size());
 }
 
+double ImageComparison::min_jod() const {
+  const auto worst =
+      std::min_element(jods.begin(), jods.end(),
+                       [](const CameraJod& x, const CameraJod& y) { return x.jod < y.jod; });
+  return worst->jod;
+}
+
 size_t ImageComparison::worst() const {
   const auto at = std::max_element(
       views.begin(), views.end(),

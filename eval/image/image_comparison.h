@@ -57,7 +57,8 @@ struct ImageComparison {
   io::Fidelity summary(ImageError ViewFidelity::*of) const;
   double mean_lpips(ImageError ViewFidelity::*of) const;
   double mean_jod(double CameraJod::*of) const;
-  size_t worst() const;  // index into views
+  double min_jod() const;  // of the camera whose video of B is worst against A's
+  size_t worst() const;    // index into views
 };
 
 // Renders both scenes in all views; all cameras of an instant share it. images: also compares both

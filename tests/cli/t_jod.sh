@@ -13,9 +13,9 @@ cp out fine.json
 expect_document 0 compare s.ply coarse.l4d "${jod[@]}" --display standard_fhd
 expect_json out "d['jod'] < json.load(open('fine.json'))['jod'] < 10 and d['jod_cameras'][0]['frames'] == 4"
 expect 0 compare s.ply coarse.l4d "${jod[@]}"
-expect_text out 'JOD, B against A .*standard_4k, 75.40 pixels a degree'
+expect_text out 'mean JOD, B against A .*standard_4k, 75.40 pixels a degree'
 expect 1 compare s.ply coarse.l4d --cameras c.json --ids 0 --frames 0:4 --min-jod 9.999
-expect_text out 'not met: JOD >= 9.999'
+expect_text out 'not met: JOD of every camera >= 9.999'
 # An image has no motion.
 expect_document 0 compare s.ply coarse.l4d --cameras c.json --ids 0 --frames 2 --jod
 expect_json out 'd["jod_cameras"][0]["frames"] == 1 and d["jod_cameras"][0]["fps"] == 0'

@@ -60,8 +60,8 @@ void TargetArguments::add_options(Verb* verb) {
       ->type_name("DB")
       ->group(group);
   verb->add_option("--target-jod", jod,
-                   "Videos of renders at least this near the scene's, as `compare --jod` measures "
-                   "it, below 10: 9.5; needs --cameras")
+                   "Videos of renders at least this near the scene's in the worst camera, as "
+                   "`compare --jod` measures it, below 10: 9.5; needs --cameras")
       ->type_name("JOD")
       ->group(group);
   verb->add_option("--display", display,
