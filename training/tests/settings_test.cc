@@ -88,6 +88,33 @@ TEST(Settings, TheNumberOfDevicesStays) {
             "it has \"devices 0,1\", and now it is \"devices 0,1,2\"");
 }
 
+// A training that an earlier version began goes on: what its checkpoint does not name has not
+// changed, unless it is asked for now.
+TEST(Settings, WhatACheckpointDoesNotNameIsTheDefault) {
+  Settings s;
+  s.near = 0;
+  s.gaussians = s.resident = 1000;
+  std::string before = text_of(s);
+  for (const char* key : {"temporal_split", "size", "quality", "effort", "near", "resident",
+                          "any_path", "device_memory", "devices"}) {
+    const size_t at = before.find("\n" + std::string(key) + " ");
+    ASSERT_NE(at, std::string::npos) << key;
+    before.erase(at, before.find('\n', at + 1) - at);
+    EXPECT_EQ(differences(before, s, false), "") << key;
+  }
+  const auto difference = [&](void (*change)(Settings * settings)) {
+    Settings changed = s;
+    change(&changed);
+    return differences(before, changed, false);
+  };
+  EXPECT_EQ(difference([](Settings* now) { now->size = 5; }),
+            "it has \"size 0\", and now it is \"size 5\"");
+  EXPECT_EQ(difference([](Settings* now) { now->effort = "best"; }),
+            "it has \"effort good\", and now it is \"effort best\"");
+  EXPECT_NE(difference([](Settings* now) { now->near = 0.2; }), "");
+  EXPECT_NE(difference([](Settings* now) { now->resident = 999; }), "");
+}
+
 // Images make way for the limit, down to what a training needs of them; nothing else does.
 TEST(Memory, ImagesMakeWay) {
   MemoryNeed need;

@@ -61,8 +61,7 @@ Json object_of(const Settings& settings) {
 std::string json_of(const Settings& settings) { return object_of(settings).dump(1); }
 
 Settings settings_of(const std::string& text) {
-  Settings s;
-  s.near = 0;  // runs that do not mention a near plane had none
+  Settings s = defaults_of_before();
   try {
     const Json j = Json::parse(text);
     j.at("capture");

@@ -88,12 +88,19 @@ std::string text_of(const Settings& settings) {
   return out;
 }
 
+Settings defaults_of_before() {
+  Settings s;
+  s.near = 0;
+  return s;
+}
+
 std::string differences(const std::string& before, const Settings& now, bool accept_changes) {
   std::map<std::string, std::string> old;  // whole lines by name
   const auto value_of = [](const std::string& line) {
     return line.substr(std::min(line.size(), line.find(' ') + 1));
   };
-  std::istringstream lines(before);
+  const bool names_resident = before.find("\nresident ") != std::string::npos;
+  std::istringstream lines(text_of(defaults_of_before()) + before);
   for (std::string line; std::getline(lines, line);) old[line.substr(0, line.find(' '))] = line;
   // Wherever it lies now.
   const bool same_capture =
@@ -108,6 +115,7 @@ std::string differences(const std::string& before, const Settings& now, bool acc
     if (key == "capture_hash" && accept_changes) return;
     if (key == "capture" && (accept_changes || same_capture)) return;
     if (key == "resident" && accept_changes && is_partly_away(now)) return;
+    if (key == "resident" && !names_resident && !is_partly_away(now)) return;
     if (key == "devices" && same_number(value_of(old[key]), now.devices)) return;
     out += out.empty() ? "" : "; ";
     if (key == "capture_hash") {

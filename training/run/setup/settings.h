@@ -95,8 +95,12 @@ std::string text_of(const Settings& settings);
 // The numbers of Settings::devices, 1 to 8 of them; none where it is empty. Throws
 // io::Error(INVALID_ARGUMENT).
 std::vector<uint32_t> devices_of(const std::string& list);
+// What a setting is that the files of an earlier version do not name: its default, but that cameras
+// had no near plane.
+Settings defaults_of_before();
 // What keeps a run from going on with other settings than those of `before`, a text as above; ""
-// where nothing does. The preset counts only where the training depends on it, the capture_hash
+// where nothing does. Settings that it does not name have the value of defaults_of_before(), and
+// without a `resident` all Gaussians are in the back end. The preset counts only where the training depends on it, the capture_hash
 // unless accept_changes, the path of the capture unless accept_changes or the hash is the same, and
 // of the devices only how many there are.
 std::string differences(const std::string& before, const Settings& now, bool accept_changes);
