@@ -170,6 +170,11 @@ void add_train(CLI::App& app, Arguments& a) {
                    "quick, good, best: 5000, 20000 or 60000 steps for 10 s and less, more for "
                    "longer captures")
       ->capture_default_str();
+  verb->add_option("--stop-at", s.stop_at,
+                   "End before the steps are over, once test views (training views where there are "
+                   "none) have this mean PSNR in one of the ten scores while training")
+      ->type_name("DB")
+      ->check(above_zero);
   verb->add_option("--views", s.views, "Views of a step (4; 1 for a moving camera)")
       ->check(above_zero);
   verb->add_option("--scale", s.scale, "Of images, 0 to 1")->capture_default_str();

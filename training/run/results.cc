@@ -77,7 +77,6 @@ void encode(const io::Scene& scene, RunParts* parts, RunReport* report) {
 }  // namespace
 
 RunReport write_results(RunParts* parts, Steps* steps) {
-  steps->write_checkpoint();
   parts->observer->update(0, 0, "writing the scene");
   parts->times.begin(kWriting);
   const ModelState model = parts->trainer->model();

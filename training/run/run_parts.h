@@ -102,6 +102,9 @@ class Steps {
   [[noreturn]] void fail_for_memory(const std::string& what, uint64_t step, uint64_t rows);
   bool step();
   bool step_or_save();
+  // Whether scores have the figure of --stop-at.
+  bool reaches_figure(const LogEntry& entry) const;
+  void end_early();
   void write_after_step();
   void write_or_save();
   void add_to_log(bool scores);
@@ -125,6 +128,7 @@ class Steps {
   LogEntry sums_;  // over steps_, since the last entry
   uint64_t steps_ = 0;
   double last_psnr_ = 0, last_score_ = 0;
+  bool ends_early_ = false;
 };
 
 // Writes what a run leaves at its end: the scene, its stream if there is a preset, and the report.

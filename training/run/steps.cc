@@ -24,6 +24,11 @@ double since(RunParts::Clock::time_point begin) {
   return std::chrono::duration<double>(RunParts::Clock::now() - begin).count();
 }
 
+// Of the scores while training: of test views, if there are any.
+double figure_of(const LogEntry& entry) {
+  return (entry.test.plain.views > 0 ? entry.test : entry.train).plain.mean_psnr;
+}
+
 [[noreturn]] void fail(const Error& error, const std::string& advice) {
   throw Error(error.status(), std::string(error.what()) + "; " + advice);
 }
@@ -41,7 +46,11 @@ void Steps::run() {
     write_stream();
     parts_.say("`l4dcodec view " + parts_.file("preview.l4d") + "` shows the scene as it becomes");
   }
-  while (!trainer_.done()) {
+  // A run that has ended at this step, and is resumed with the same figure, has ended.
+  const std::vector<LogEntry>& before = log_->entries();
+  ends_early_ = !before.empty() && before.back().step == trainer_.state().step &&
+                reaches_figure(before.back());
+  while (!trainer_.done() && !ends_early_) {
     if (parts_.observer->cancelled()) {
       save();
       throw Error(L4D_ERR_CANCELLED, "cancelled at step " + std::to_string(trainer_.state().step) +
@@ -58,6 +67,31 @@ void Steps::run() {
       return true;
     });
   }
+  write_checkpoint();  // of before rows are removed, so that a higher figure goes on from there
+  if (trainer_.done()) return;
+  within_memory(trainer_.state().step, trainer_.count(), [&] {
+    end_early();
+    return true;
+  });
+}
+
+bool Steps::reaches_figure(const LogEntry& entry) const {
+  const double wanted = parts_.settings.stop_at;
+  return wanted > 0 && entry.has_score && !trainer_.has_rows_to_remove() &&
+         figure_of(entry) >= wanted;
+}
+
+void Steps::end_early() {
+  const LogEntry& last = log_->entries().back();
+  char text[160];
+  std::snprintf(text, sizeof(text),
+                "The training ends after step %llu, at %.0f %%: %s views have %.2f dB, and "
+                "--stop-at is %g",
+                static_cast<unsigned long long>(last.step), 100 * trainer_.progress(),
+                last.test.plain.views > 0 ? "test" : "training", figure_of(last),
+                parts_.settings.stop_at);
+  parts_.say(text);
+  trainer_.end_early();
 }
 
 // ---- one step ----------------------------------------------------------------------------------
@@ -247,6 +281,7 @@ void Steps::add_to_log(bool scores) {
     last_score_ = entry.test.plain.mean_psnr;
     parts_.backend->take_seconds();
     parts_.times.begin(kWriting);
+    ends_early_ = entry.ends_early = !trainer_.done() && reaches_figure(entry);
   }
   log_->add(entry);
   events_->add(entry);

@@ -285,8 +285,9 @@ END
 expect 3 "no checkpoint" train "${options[@]}" -o none --steps 400 --resume
 expect 2 "preset" train "${options[@]}" -o x --steps 10 --encode finest
 expect 2 "exclude" train "${options[@]}" -o x --steps 10 --time 5
-expect 2 "--codec is" train "${options[@]}" -o x --steps 10 --codec finest
-expect 2 "needs --encode" train "${options[@]}" -o x --steps 10 --codec settle
+for figure in 0 -3 101 nan much; do
+  expect 2 "--stop-at" train "${options[@]}" -o x --stop-at $figure
+done
 expect 2 "--effort is" train "${options[@]}" -o x --effort much
 expect 2 "must be positive" train "${options[@]}" -o x --steps 10 --size 0
 expect 2 "--size: '2 pounds'" train "${options[@]}" -o x --steps 10 --size "2 pounds"

@@ -81,6 +81,57 @@ TEST(Training, ResumesWithTheSameBits) {
   EXPECT_TRUE(whole == test::bytes_of(folder / "parts/scene.ply"));
 }
 
+// A figure that test views reach ends a training at the next of ten scores, as if its steps were
+// over. What is resumed with a higher figure goes on with the same bits.
+TEST(Training, EndsAtAFigure) {
+  const Folder folder;
+  RunOptions options = small_run(folder / "whole", 50);
+  Listener listener;
+  train(options, &listener);
+  EXPECT_EQ(test::bytes_of(folder / "whole/log.jsonl").find("ends_early"), std::string::npos);
+
+  options.folder = folder / "run";
+  options.preset = "tiny";
+  options.settings.stop_at = 1;
+  Listener first(3), second;
+  EXPECT_THROW(train(options, &first), io::Error);
+  options.resume = true;
+  for (const uint64_t runs : {1U, 2U}) {
+    second.notes.clear();
+    const RunReport report = train(options, &second);
+    EXPECT_EQ(report.steps, 5U) << runs;
+    EXPECT_GT(report.stream_bytes, 0U);
+    const std::string note = "The training ends after step 5, at 10 %: test views have ";
+    EXPECT_THAT(second.notes, HasSubstr(note));
+    EXPECT_THAT(report.notes, testing::Contains(testing::StartsWith(note)));
+    EXPECT_THAT(test::bytes_of(folder / "run/log.jsonl"), HasSubstr("\"ends_early\":true"));
+  }
+  options.settings.stop_at = 99;
+  EXPECT_EQ(train(options, &second).steps, 50U);
+  EXPECT_TRUE(test::bytes_of(folder / "run/scene.ply") ==
+              test::bytes_of(folder / "whole/scene.ply"));
+}
+
+// Without test views it is that of training views. Rows that --codec is to remove go first.
+TEST(Training, EndsAtAFigureOfTrainingViews) {
+  const Folder folder;
+  std::filesystem::copy(test::small_capture(), folder / "capture",
+                        std::filesystem::copy_options::recursive);
+  std::string cameras = test::bytes_of(folder / "capture/cameras.json");
+  for (size_t at; (at = cameras.find("\"test\"")) != std::string::npos;) {
+    cameras.replace(at, 6, "\"train\"");
+  }
+  std::ofstream(folder / "capture/cameras.json") << cameras;
+  RunOptions options = test::run_on(folder / "capture", folder / "run", 20);
+  options.settings.codec = "prune";
+  options.settings.stop_at = 1;
+  Listener listener;
+  const RunReport report = train(options, &listener);
+  EXPECT_EQ(report.test_images, 0U);
+  EXPECT_EQ(report.steps, 18U);
+  EXPECT_THAT(listener.notes, HasSubstr("at 90 %: training views have "));
+}
+
 // Likewise where lives are split, from a checkpoint in the middle of what is summed up for that.
 TEST(Training, SplitsLivesWithTheSameBits) {
   const Folder folder;

@@ -161,6 +161,7 @@ std::string json_of(const LogEntry& e) {
     j["train"] = json_of(e.train);
     j["test"] = json_of(e.test);
   }
+  if (e.ends_early) j["ends_early"] = true;
   return j.dump();
 }
 

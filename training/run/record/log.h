@@ -50,6 +50,7 @@ struct LogEntry {
   std::array<double, kStages> stages{};  // ms a step
   bool has_score = false;
   Score train, test;  // NaN without views
+  bool ends_early = false;
 };
 
 // RUN/log.jsonl, one line for each entry, which is there when `add` returns. A run that resumes

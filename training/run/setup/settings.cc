@@ -22,7 +22,8 @@ constexpr size_t kMaxDevices = 8;
 constexpr double kConvergentNear = 0.2;
 constexpr double kOpacityWeight = 0.015, kAlphaOpacityWeight = 0.005;
 
-constexpr double kMaxTime = 1e8;  // s: three years
+constexpr double kMaxTime = 1e8;    // s: three years
+constexpr double kMaxStopAt = 100;  // dB
 
 // Of weights and factors: where they are larger, or the largest scale is smaller, numbers of the
 // training leave the range of float.
@@ -112,6 +113,7 @@ std::string differences(const std::string& before, const Settings& now, bool acc
     if (key == "any_path") return;       // only whether the capture may be read
     if (key == "device_memory") return;  // `resident` decides what is trained
     if (key == "quality") return;        // decides the stream alone
+    if (key == "stop_at") return;        // only how many of the same steps there are
     if (key == "capture_hash" && accept_changes) return;
     if (key == "capture" && (accept_changes || same_capture)) return;
     if (key == "resident" && accept_changes && is_partly_away(now)) return;
@@ -160,6 +162,10 @@ void check(const Settings& s) {
   if (!(s.seconds >= 0 && s.seconds <= kMaxTime))
     fail("--time is " + number(s.seconds) + "; it must be at most " + number(kMaxTime));
   if (s.seconds > 0 && s.steps > 0) fail("--time and --steps exclude each other");
+  if (!(s.stop_at >= 0 && s.stop_at <= kMaxStopAt)) {
+    fail("--stop-at is " + number(s.stop_at) + "; it must be above 0 and at most " +
+         number(kMaxStopAt));
+  }
   if (s.steps > 100000000) fail("--steps is above 100000000");
   if (s.gaussians > 100000000) fail("--gaussians is above 100000000");
   if (s.resident > 100000000) fail("--resident is above 100000000");

@@ -21,6 +21,7 @@ struct Settings {
   uint64_t steps = 0;           // 0 = from the duration, or as many as `seconds` allow
   std::string effort = "good";  // quick, good, best: how many steps are taken from the duration
   double seconds = 0;           // > 0: the clock decides when the training ends
+  double stop_at = 0;           // dB of held-out, else training views that end it; 0 = none
   uint32_t views = 0;           // of a step; 0 = 4, or 1 for a moving camera
   std::string init = "auto";    // auto, frustum, hull, or a PLY of points
   uint32_t sh_degree = 3;
@@ -64,6 +65,7 @@ void for_each_setting(S& s, F&& f) {
   f("steps", s.steps);
   f("effort", s.effort);
   f("time", s.seconds);
+  f("stop_at", s.stop_at);
   f("views", s.views);
   f("init", s.init);
   f("sh_degree", s.sh_degree);
@@ -100,9 +102,9 @@ std::vector<uint32_t> devices_of(const std::string& list);
 Settings defaults_of_before();
 // What keeps a run from going on with other settings than those of `before`, a text as above; ""
 // where nothing does. Settings that it does not name have the value of defaults_of_before(), and
-// without a `resident` all Gaussians are in the back end. The preset counts only where the training depends on it, the capture_hash
-// unless accept_changes, the path of the capture unless accept_changes or the hash is the same, and
-// of the devices only how many there are.
+// without a `resident` all Gaussians are in the back end. The preset counts only where the training
+// depends on it, the capture_hash unless accept_changes, the path of the capture unless
+// accept_changes or the hash is the same, and of the devices only how many there are.
 std::string differences(const std::string& before, const Settings& now, bool accept_changes);
 // Not all of the model is in the back end at a time.
 inline bool is_partly_away(const Settings& settings) {

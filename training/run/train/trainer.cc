@@ -482,6 +482,15 @@ void Trainer::settle(double f) {
   backend_->renew_weights(static_cast<float>(settings_.error_weight));
 }
 
+bool Trainer::has_rows_to_remove() const {
+  return (settings_.codec != "off" && state_.prunes < kPrunes) ||
+         (settings_.codec == "settle" && state_.settles < std::size(kSettleAt));
+}
+
+void Trainer::end_early() {
+  if (settings_.density != "off" && !state_.swept) sweep(state_.step);
+}
+
 std::vector<std::string> Trainer::take_notes() {
   std::vector<std::string> notes;
   notes.swap(notes_);

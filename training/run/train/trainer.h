@@ -84,6 +84,11 @@ class Trainer {
   bool done() const;
   double progress() const;
 
+  // --codec is going to remove rows. A training does not end before.
+  bool has_rows_to_remove() const;
+  // Removes rows that show nothing, as the last part of a training does.
+  void end_early();
+
   // Throws Diverged, and io::Error where images cannot be read.
   StepReport advance();
 
