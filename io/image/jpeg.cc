@@ -9,8 +9,10 @@
 #include <utility>
 
 // Needs size_t and FILE before it.
-#include <jerror.h>
 #include <jpeglib.h>
+
+// Numbers messages by the version of the interface that jpeglib.h states.
+#include <jerror.h>
 
 #include "io/image/stored_image.h"
 

@@ -92,7 +92,9 @@ TEST_F(JpegTest, IsTurnedWhereTheCameraIs) {
 TEST_F(JpegTest, ThatIsDamaged) {
   const std::string good = jpeg_of(kWidth, kHeight, blocks(3), {JCS_RGB, 6});
   ASSERT_EQ(status(good), L4D_OK);
-  for (size_t size = 0; size < good.size(); size += 5) {
+  // The last two, which end the file, one by one.
+  const size_t whole = good.size() - 2;
+  for (size_t size = 0; size < good.size(); size += size < whole - 5 ? 5 : 1) {
     EXPECT_EQ(status(good.substr(0, size)), L4D_ERR_CORRUPT) << size;
   }
   for (size_t i = 0; i < good.size(); i += 3) {  // nothing but an error or an image may come of it
