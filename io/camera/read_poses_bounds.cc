@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "io/camera/read_cameras.h"
+#include "io/image/video.h"
 
 namespace l4d::io {
 namespace {
@@ -13,9 +14,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr size_t kColumns = 17;  // 3 x 5 [R | t | height width focal], then two bounds of depth
-
-constexpr const char* kVideoExtensions[] = {".mp4", ".m4v", ".mov", ".mkv", ".webm",
-                                            ".avi", ".ts",  ".flv", ".ogv", ".y4m"};
 
 // The header of an .npy file: a Python dictionary of three entries.
 struct NpyHeader {
@@ -227,32 +225,16 @@ void note_bounds(const std::vector<double>& rows, CameraSet* set) {
   set->notes.push_back(text);
 }
 
-bool is_video_name(const fs::path& path) {
-  const std::string name = path.filename().string();
-  if (name.empty() || name[0] == '.') return false;  // hidden: what some systems leave behind
-  std::string extension = path.extension().string();
-  for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return std::find(std::begin(kVideoExtensions), std::end(kVideoExtensions), extension) !=
-         std::end(kVideoExtensions);
-}
-
 // The videos beside the file in the order of their names, which is that of the rows: cam*.mp4 where
 // there is one for each of `rows`, else all videos.
 std::vector<std::string> videos_beside(const std::string& path, size_t rows) {
-  const fs::path folder = fs::path(path).parent_path();
   std::vector<std::string> all, usual;
-  std::error_code error;
-  fs::directory_iterator entry(folder.empty() ? fs::path(".") : folder, error);
-  for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
-    if (!is_video_name(entry->path())) continue;
-    const std::string name = entry->path().filename().string();
+  for (const fs::path& video : videos_in(fs::path(path).parent_path())) {
+    const std::string name = video.filename().string();
     all.push_back(name);
-    if (name.compare(0, 3, "cam") == 0 && entry->path().extension() == ".mp4") {
-      usual.push_back(name);
-    }
+    if (name.compare(0, 3, "cam") == 0 && video.extension() == ".mp4") usual.push_back(name);
   }
   std::vector<std::string>& chosen = usual.size() == rows ? usual : all;
-  std::sort(chosen.begin(), chosen.end());
   return std::move(chosen);
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -15,6 +16,10 @@ namespace l4d::io {
 // Videos are decoded and encoded by the program ffmpeg, found through PATH.
 
 class FfmpegProcess;  // io/image/ffmpeg_process.h
+
+// The files of a folder whose names end as those of videos do, in the order of their names, hidden
+// ones left out. None where the folder cannot be read; "" is the folder at hand.
+std::vector<std::filesystem::path> videos_in(const std::filesystem::path& folder);
 
 // What a video says of itself without being decoded.
 struct VideoFacts {

@@ -24,6 +24,8 @@ class VideoTest : public test::IoTest {
   }
 };
 
+using VideoFilesTest = test::IoTest;
+
 // A picture that tells its number: level and slope change from frame to frame.
 Image frame(uint32_t width, uint32_t height, uint32_t number) {
   Image image(width, height);
@@ -361,6 +363,17 @@ TEST_F(VideoTest, WithoutFfmpeg) {
   EXPECT_EQ(writing, L4D_ERR_IO);
   EXPECT_NE(message.find("install ffmpeg"), std::string::npos) << message;
   EXPECT_EQ(files_in_directory(), 1U);
+}
+
+// What is a video by its name is so wherever a folder of videos is read.
+TEST_F(VideoFilesTest, AreTheVideosOfAFolder) {
+  for (const char* name : {"b.MKV", "a.mp4", "c.webm", "._a.mp4", "a.mp4.txt", "mp4", "c.json"}) {
+    write(name, "");
+  }
+  const std::filesystem::path folder = path("");
+  const std::vector<std::filesystem::path> found = videos_in(folder);
+  EXPECT_THAT(found, testing::ElementsAre(folder / "a.mp4", folder / "b.MKV", folder / "c.webm"));
+  EXPECT_TRUE(videos_in(folder / "nowhere").empty());
 }
 
 TEST_F(VideoTest, OfBasketball) {

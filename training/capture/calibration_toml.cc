@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "io/file/file.h"
+#include "io/image/video.h"
 #include "training/capture/opencv_camera.h"
 #include "training/capture/video_capture.h"
 
@@ -75,17 +76,7 @@ std::vector<fs::path> videos_of(const fs::path& folder) {
   for (const fs::path& place :
        {folder / "videos", folder / "videos-raw", folder.parent_path() / "videos",
         folder.parent_path() / "videos-raw", folder}) {
-    std::vector<fs::path> videos;
-    std::error_code error;
-    for (fs::directory_iterator entry(place, error); !error && entry != fs::directory_iterator();
-         entry.increment(error)) {
-      const std::string ending = entry->path().extension().string();
-      if (ending == ".mp4" || ending == ".avi" || ending == ".mov" || ending == ".MOV" ||
-          ending == ".MP4") {
-        videos.push_back(entry->path());
-      }
-    }
-    std::sort(videos.begin(), videos.end());
+    std::vector<fs::path> videos = io::videos_in(place);
     if (!videos.empty()) return videos;
   }
   return {};

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
-#include <set>
 
 #include "io/camera/colmap.h"
 #include "io/camera/write_cameras.h"
@@ -31,21 +30,6 @@ struct Clip {
   uint32_t width = 0, height = 0;  // as players show it
   io::VideoFacts facts;
 };
-
-// By their names.
-std::vector<fs::path> videos_in(const fs::path& folder) {
-  const std::set<std::string> kEndings = {".mp4", ".mov", ".m4v", ".mkv", ".webm",
-                                          ".avi", ".mts", ".ts",  ".3gp"};
-  std::error_code error;
-  std::vector<fs::path> videos;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    std::string ending = entry.path().extension().string();
-    for (char& c : ending) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
-    if (kEndings.count(ending) != 0) videos.push_back(entry.path());
-  }
-  std::sort(videos.begin(), videos.end());
-  return videos;
-}
 
 // The frame in the middle, at the size that players show: turned ones have width and height
 // exchanged.
@@ -185,7 +169,7 @@ void link_or_copy(const fs::path& from, const fs::path& to) {
 
 }  // namespace
 
-bool is_footage(const std::string& path) { return !videos_in(path).empty(); }
+bool is_footage(const std::string& path) { return !io::videos_in(path).empty(); }
 
 FootageReport make_capture(const std::string& footage, const std::string& out,
                            const FootageOptions& options, const FootageStep& step,
@@ -197,7 +181,7 @@ FootageReport make_capture(const std::string& footage, const std::string& out,
                 out + " is there, and not empty; a capture replaces nothing");
   }
   std::vector<Clip> clips;
-  for (const fs::path& path : videos_in(footage)) {
+  for (const fs::path& path : io::videos_in(footage)) {
     clips.push_back({path, path.stem().string(), 0, 0, io::probe_video(path.string())});
   }
   if (clips.size() < kLeastCameras) {
