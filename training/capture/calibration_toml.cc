@@ -17,6 +17,46 @@ namespace {
 namespace fs = std::filesystem;
 using io::CameraPlace;
 
+// What a table takes at most, for each byte of its text: 160 were measured, of keys with many dots.
+constexpr uint64_t kTableBytes = 192;
+// The parser goes as deep as a key has dots; a matrix of numbers has a dozen of them on a line.
+constexpr size_t kMostDots = 500;
+
+// A file as a table, and what counts both.
+class TomlFile {
+ public:
+  TomlFile(const std::string& path, const io::Hold& holder) : place{path, ""} {
+    io::InputFile file(path, holder);
+    memory_ = io::hold(holder, (1 + kTableBytes) * file.size(), path);
+    std::string text(static_cast<size_t>(file.size()), '\0');
+    text.resize(file.read(text.data(), text.size()));
+    check_depth(text);
+    try {
+      root = toml::parse(std::string_view(text));
+    } catch (const toml::parse_error& error) {
+      fail(error.source().begin.line, std::string(error.description()));
+    }
+  }
+  CameraPlace place;
+  toml::table root;
+
+ private:
+  [[noreturn]] void fail(uint64_t line, const std::string& what) const {
+    place.fail("line " + std::to_string(line) + ": " + what);
+  }
+  void check_depth(const std::string& text) const {
+    uint64_t line = 1;
+    size_t dots = 0;
+    for (const char c : text) {
+      line += c == '\n' ? 1U : 0U;
+      dots = c == '\n' ? 0 : dots + (c == '.' ? 1U : 0U);
+      if (dots > kMostDots) fail(line, "it has more than " + std::to_string(kMostDots) + " dots");
+    }
+  }
+
+  std::shared_ptr<void> memory_;
+};
+
 std::vector<double> numbers_of(const CameraPlace& place, const toml::table& table,
                                const char* key) {
   std::vector<double> out;
@@ -111,15 +151,9 @@ void pair(const CameraPlace& file, const std::vector<std::string>& names, io::Ca
 }  // namespace
 
 Capture read_toml_capture(const std::string& file, const CaptureOptions& options) {
-  const CameraPlace place{file, ""};
-  const std::vector<uint8_t> text = io::read_whole_file(file);
-  toml::table root;
-  try {
-    root = toml::parse(std::string_view(reinterpret_cast<const char*>(text.data()), text.size()));
-  } catch (const toml::parse_error& error) {
-    place.fail("line " + std::to_string(error.source().begin.line) + ": " +
-               std::string(error.description()));
-  }
+  const TomlFile toml(file, options.holder);
+  const CameraPlace& place = toml.place;
+  const toml::table& root = toml.root;
   std::vector<std::pair<toml::source_position, std::string>> keys;  // in the order of the file
   for (const auto& [key, value] : root) {
     const toml::table* table = value.as_table();

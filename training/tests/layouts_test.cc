@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "io/file/memory.h"
 #include "io/image/video.h"
 #include "tests/common/ffmpeg.h"
 #include "tests/common/jpeg.h"
@@ -906,6 +907,25 @@ TEST(Layouts, SelfcapOffsets) {
   expect_error(folder / "s", L4D_ERR_CORRUPT, "sync.json: an object has a key twice");
 }
 
+// What a table becomes is counted before it is parsed.
+TEST(Layouts, TomlIsCounted) {
+  const test::Folder folder;
+  write_text(folder / "calib.toml", "x = [" + std::string(2000, ' ') + "]\n");
+  CaptureOptions options;
+  for (const uint64_t limit : {uint64_t{100000}, uint64_t{1} << 20}) {
+    const io::MemoryBudget budget("--limit-memory", limit);
+    options.holder = budget.holder();
+    try {
+      read_capture(folder / "calib.toml", options);
+      ADD_FAILURE() << "it has no camera";
+    } catch (const io::Error& error) {
+      EXPECT_EQ(error.status(), limit < (1 << 20) ? L4D_ERR_LIMIT_EXCEEDED : L4D_ERR_CORRUPT);
+      EXPECT_THAT(error.what(), HasSubstr("calib.toml"));
+    }
+    EXPECT_EQ(budget.held(), 0U);
+  }
+}
+
 TEST(Layouts, TomlIsNamedWhereItIsWrong) {
   const test::Folder folder;
   const std::string good =
@@ -917,6 +937,10 @@ TEST(Layouts, TomlIsNamedWhereItIsWrong) {
     expect_error(folder / "calib.toml", status, word);
   };
   expect("[a\n", L4D_ERR_CORRUPT, "line 1");
+  std::string deep = "\n";
+  for (int k = 0; k < 500; ++k) deep += "a.";
+  expect(deep + "a = 1\n", L4D_ERR_CORRUPT, "it has no camera");
+  expect(deep + "a.a = 1\n", L4D_ERR_CORRUPT, "line 2: it has more than 500 dots");
   expect("x = 1\n", L4D_ERR_CORRUPT, "it has no camera");
   expect("[a]\nmatrix = 3\n", L4D_ERR_CORRUPT, "camera a: size is no list");
   expect(good + "fisheye = true\n", L4D_ERR_CORRUPT, "camera a: distortions has 5 numbers, not 4");
