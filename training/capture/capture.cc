@@ -100,16 +100,24 @@ bool parse_frames(const std::string& text, FrameChoice* choice) {
   return false;
 }
 
-FrameChoice frames_of(const std::string& text, Capture* capture) {
-  const uint32_t frames = capture->frames;
-  FrameChoice choice{0, frames, 1};
-  if (text.empty()) return choice;
-  if (!parse_frames(text, &choice) || choice.first >= choice.end || choice.step == 0 ||
-      choice.first >= frames) {
+// Throws where it is no choice, whatever the capture.
+FrameChoice choice_of(const std::string& text) {
+  FrameChoice choice;
+  if (!parse_frames(text, &choice) || choice.first >= choice.end || choice.step == 0) {
     throw Error(L4D_ERR_INVALID_ARGUMENT,
                 "the frames are \"" + text +
-                    "\"; they must be first:end or first:end:step with first < end, of the " +
-                    std::to_string(frames) + " frames of the capture");
+                    "\"; they must be first:end or first:end:step with first < end");
+  }
+  return choice;
+}
+
+FrameChoice frames_of(const std::string& text, Capture* capture) {
+  const uint32_t frames = capture->frames;
+  if (text.empty()) return {0, frames, 1};
+  FrameChoice choice = choice_of(text);
+  if (choice.first >= frames) {
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                "the frames are \"" + text + "\", and the capture has " + std::to_string(frames));
   }
   if (choice.end > frames) {
     capture->notes.push_back("The frames " + text + " end with the capture, which has " +
@@ -150,17 +158,6 @@ void check(const Capture& capture) {
     throw Error(L4D_ERR_INVALID_ARGUMENT, capture.path + ": only " + std::to_string(training) +
                                               " images to train on; at least 3 are needed");
   }
-}
-
-void check(const CaptureOptions& options) {
-  const auto need = [](const char* option, double value, double least, double most) {
-    if (value >= least && value <= most) return;
-    char text[120];
-    std::snprintf(text, sizeof(text), "%s is %g; it must be %g to %g", option, value, least, most);
-    throw Error(L4D_ERR_INVALID_ARGUMENT, text);
-  };
-  if (options.fps != 0) need("--fps", options.fps, kMinFps, kMaxFps);
-  need("--seconds", options.seconds, kMinSeconds, kMaxSeconds);
 }
 
 // Frame rates of files may be anything.
@@ -269,6 +266,19 @@ l4d_timeline Capture::timeline() const {
   io::set_fps(out, fps);
   out.num_frames = frames;
   return out;
+}
+
+void check(const CaptureOptions& options) {
+  const auto need = [](const char* option, double value, double least, double most) {
+    if (value >= least && value <= most) return;
+    char text[120];
+    std::snprintf(text, sizeof(text), "%s is %g; it must be %g to %g", option, value, least, most);
+    throw Error(L4D_ERR_INVALID_ARGUMENT, text);
+  };
+  if (options.fps != 0) need("--fps", options.fps, kMinFps, kMaxFps);
+  need("--seconds", options.seconds, kMinSeconds, kMaxSeconds);
+  if (!options.frames.empty()) choice_of(options.frames);
+  ids_of(options.test);
 }
 
 Capture read_capture(const std::string& path, const CaptureOptions& options) {

@@ -66,6 +66,9 @@ struct CaptureOptions {
   io::Hold holder;        // counts what reading takes, and the capture
 };
 
+// Throws io::Error(INVALID_ARGUMENT) where options are wrong whatever the capture.
+void check(const CaptureOptions& options);
+
 // Reads a folder, or the file that describes a capture. Throws io::Error: IO if images are missing,
 // CORRUPT if cameras or sizes are wrong, FEATURE_UNSUPPORTED for lenses and files that are not
 // known, INVALID_ARGUMENT if options select nothing. It names the camera and the frame.

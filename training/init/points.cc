@@ -113,6 +113,10 @@ void note_points(const Capture& capture, const std::vector<Point>& points,
   }
 }
 
+bool is_init_word(const std::string& init) {
+  return init == "capture" || init == "hull" || init == "frustum" || init == "auto";
+}
+
 std::vector<Point> first_points(const std::string& init, const Capture& capture,
                                 const ImageLoader& loader, const std::vector<Instant>& instants,
                                 const ImageStore& store, uint64_t count, uint64_t seed,

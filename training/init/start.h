@@ -45,6 +45,8 @@ std::vector<Point> hull_points(const Capture& capture, const ImageLoader& loader
                                const std::vector<Instant>& instants, const ImageStore& store,
                                uint64_t count, uint64_t seed);
 
+// Whether it is one of the words of first_points(), and not a file.
+bool is_init_word(const std::string& init);
 // The points that `init` names: "capture", "hull", "frustum", "auto", which is the hull or, without
 // alpha, random points, or else a file. Throws io::Error.
 std::vector<Point> first_points(const std::string& init, const Capture& capture,

@@ -98,6 +98,7 @@ Protocol protocol_of(const std::string& name) {
 std::vector<ProtocolScene> run_protocol(const Protocol& protocol, const std::string& data,
                                         const std::string& runs, RunOptions options,
                                         RunObserver* observer) {
+  check_options(options);
   options.scored_instants = 0;
   options.background = protocol.background;
   std::vector<ProtocolScene> scenes;

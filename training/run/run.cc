@@ -32,9 +32,7 @@ class Run {
       : options_(options), observer_(observer), parts_(options, observer) {}
 
   RunReport run() {
-    if (!options_.preset.empty()) check_preset(options_.preset);
-    check(options_.settings);
-    check_stream();
+    check_options(options_);
     read_network();
     check_folder(options_);
     read_the_capture();
@@ -65,21 +63,6 @@ class Run {
   }
 
  private:
-  void check_stream() const {
-    const Settings& s = options_.settings;
-    const bool aims = s.size > 0 || options_.bitrate > 0 || s.quality > 0;
-    if (options_.preset.empty() && (aims || s.codec == "settle")) {
-      throw Error(
-          L4D_ERR_INVALID_ARGUMENT,
-          std::string(aims ? "a size or a quality" : "--codec settle") + " needs --encode PRESET");
-    }
-    if (aims) check_quality(options_.preset);
-    if ((s.size > 0 || options_.bitrate > 0) && s.codec != "prune") {
-      throw Error(L4D_ERR_INVALID_ARGUMENT,
-                  "--size and --bitrate need --codec prune, which they choose where none is given");
-    }
-  }
-
   // As it is stored, and as it is used.
   void read_network() {
     std::error_code error;
@@ -254,6 +237,29 @@ class Run {
 };
 
 }  // namespace
+
+void check_options(const RunOptions& options) {
+  const Settings& s = options.settings;
+  if (!options.preset.empty()) check_preset(options.preset);
+  check(s);
+  const bool aims = s.size > 0 || options.bitrate > 0 || s.quality > 0;
+  if (options.preset.empty() && (aims || s.codec == "settle")) {
+    throw Error(
+        L4D_ERR_INVALID_ARGUMENT,
+        std::string(aims ? "a size or a quality" : "--codec settle") + " needs --encode PRESET");
+  }
+  if (aims) check_quality(options.preset);
+  if ((s.size > 0 || options.bitrate > 0) && s.codec != "prune") {
+    throw Error(L4D_ERR_INVALID_ARGUMENT,
+                "--size and --bitrate need --codec prune, which they choose where none is given");
+  }
+  std::error_code error;
+  if (!options.resume && !is_init_word(s.init) && !fs::exists(s.init, error)) {
+    throw Error(L4D_ERR_IO, "--init is " + s.init +
+                                ", and there is no such file; it must be a file of points, or "
+                                "auto, frustum or hull");
+  }
+}
 
 RunReport train(const RunOptions& options, RunObserver* observer) {
   return Run(options, observer).run();

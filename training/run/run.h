@@ -15,6 +15,10 @@ class TrainingFailed : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// Throws io::Error where options are wrong whatever the capture: train() does, before it reads
+// anything.
+void check_options(const RunOptions& options);
+
 // Writes to the folder: settings.json, log.jsonl, events for TensorBoard, curves.svg, preview.png,
 // checkpoints; at the end scene.ply, cameras.json, report.json, and with a preset weights.ply and
 // scene.l4d. Throws io::Error, l4d::Error, TrainingFailed.

@@ -285,6 +285,15 @@ END
 expect 3 "no checkpoint" train "${options[@]}" -o none --steps 400 --resume
 expect 2 "preset" train "${options[@]}" -o x --steps 10 --encode finest
 expect 2 "exclude" train "${options[@]}" -o x --steps 10 --time 5
+# What is wrong by itself is refused before anything is read.
+expect 2 "--encode is finest" train nowhere -o x --size 1M --encode finest
+expect 2 "--encode is finest" bench n3dv nowhere -o x --encode finest
+expect 2 "the frames are" train nowhere -o x --frames 5:2
+expect 2 "the test cameras are" train nowhere -o x --test 5-3
+expect 2 "needs --backend cpu" train nowhere -o x --temporal-split on --backend cuda
+expect 3 "--init is frustrum" train nowhere -o x --init frustrum
+expect 2 "--codec is" train "${options[@]}" -o x --steps 10 --codec finest
+expect 2 "needs --encode" train "${options[@]}" -o x --steps 10 --codec settle
 for figure in 0 -3 101 nan much; do
   expect 2 "--stop-at" train "${options[@]}" -o x --stop-at $figure
 done

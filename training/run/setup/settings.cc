@@ -34,6 +34,8 @@ constexpr double kMaxWeight = 1000, kLeastScale = 0.0001;
 // start.
 constexpr uint64_t kLeastGaussians = 1000;
 
+constexpr const char* kNeedsCpu = "--temporal-split on needs --backend cpu";
+
 // Of 10 s and less.
 double steps_of(const std::string& effort) {
   return effort == "quick" ? 5000 : effort == "best" ? 60000 : 20000;
@@ -131,6 +133,7 @@ std::string differences(const std::string& before, const Settings& now, bool acc
 
 void check(const Settings& s) {
   const auto fail = [](const std::string& what) { throw Error(L4D_ERR_INVALID_ARGUMENT, what); };
+  check(s.reading);
   if (!(s.scale > 0 && s.scale <= 1))
     fail("--scale is " + number(s.scale) + "; it must be above 0 and at most 1");
   if (s.sh_degree > 3)
@@ -157,6 +160,7 @@ void check(const Settings& s) {
     fail("--adam is " + s.adam + "; it must be auto, dense or sparse");
   if (!is_one_of(s.backend, {"auto", "cpu", "cuda"}))
     fail("--backend is " + s.backend + "; it must be auto, cpu or cuda");
+  if (s.backend == "cuda" && s.temporal_split == "on") fail(kNeedsCpu);
   if (!devices_of(s.devices).empty() && s.backend == "cpu")
     fail("--devices is " + s.devices + "; --backend cpu uses no device");
   if (!(s.seconds >= 0 && s.seconds <= kMaxTime))
@@ -224,7 +228,7 @@ Settings resolved(const Settings& settings, const Capture& capture, uint32_t wid
                 "--devices is " + s.devices + ", but there is no usable CUDA device");
   }
   if (s.backend == "cuda" && s.temporal_split == "on") {
-    throw Error(L4D_ERR_INVALID_ARGUMENT, "--temporal-split on needs --backend cpu");
+    throw Error(L4D_ERR_INVALID_ARGUMENT, kNeedsCpu);
   }
   s.near = near_of(settings, capture);
   if (s.init == "auto" && !capture.points.empty()) s.init = "capture";
