@@ -1,25 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where the camera of <l4d-player> looks, by attributes, fingers and a point that is clicked.
 import assert from 'node:assert/strict';
-import {join} from 'node:path';
-import {after, before, test} from 'node:test';
-import {launch, opened, pageWith, serve, work} from './browser.js';
+import {test} from 'node:test';
+import {opened} from './browser.js';
+import {pagesWith} from './pages.js';
 
-let browser, server;
-before(async () => {
-  browser = await launch();
-  server = await serve(Object.fromEntries(['short', 'drawn'].map(name => [`${name}.l4d`, join(work, `${name}.l4d`)])));
-});
-after(async () => {
-  await browser?.close();
-  server?.close();
-});
+const withPage = pagesWith('short', 'drawn');
 
 /**
  * A page with one player, once it shows its first picture. @param {string} attributes
  * @param {(page: any) => Promise<void>} fn @param {any} [options] of pageWith()
  */
-const withPlayer = (attributes, fn, options) => pageWith(browser, server, `<l4d-player ${attributes}></l4d-player>`, async page => {
+const withPlayer = (attributes, fn, options) => withPage(`<l4d-player ${attributes}></l4d-player>`, async page => {
   await opened(page);
   await page.evaluate(() => {
     globalThis.player = document.querySelector('l4d-player');

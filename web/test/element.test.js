@@ -2,23 +2,11 @@
 // <l4d-player> as part of a page: its properties and promises, the rules of the page, and what a stream says of its
 // presentation.
 import assert from 'node:assert/strict';
-import {join} from 'node:path';
-import {after, before, test} from 'node:test';
-import {launch, opened, pageWith, serve, work} from './browser.js';
+import {test} from 'node:test';
+import {opened} from './browser.js';
+import {pagesWith} from './pages.js';
 
-let browser, server;
-before(async () => {
-  browser = await launch();
-  const names = ['short', 'frames', 'drawn', 'dilated'];
-  server = await serve(Object.fromEntries(names.map(name => [`${name}.l4d`, join(work, `${name}.l4d`)])));
-});
-after(async () => {
-  await browser?.close();
-  server?.close();
-});
-
-/** As pageWith() of browser.js. @param {string} body @param {(page: any) => Promise<void>} fn @param {any} [options] */
-const withPage = (body, fn, options) => pageWith(browser, server, body, fn, options);
+const withPage = pagesWith('short', 'frames', 'drawn', 'dilated');
 
 const policy = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; connect-src 'self'";
 

@@ -1,19 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Hotspots of <l4d-player>: children of it that stay where they are in the scene.
 import assert from 'node:assert/strict';
-import {join} from 'node:path';
-import {after, before, test} from 'node:test';
-import {launch, opened, pageWith, serve, work} from './browser.js';
+import {test} from 'node:test';
+import {opened} from './browser.js';
+import {pagesWith} from './pages.js';
 
-let browser, server;
-before(async () => {
-  browser = await launch();
-  server = await serve({'short.l4d': join(work, 'short.l4d')});
-});
-after(async () => {
-  await browser?.close();
-  server?.close();
-});
+const withPage = pagesWith('short');
 
 const body = `<l4d-player src="short.l4d" camera-orbit="0 85deg 8" camera-target="0 0 0">
   <button slot="hotspot-middle" data-position="0 0 0">Middle</button>
@@ -32,7 +24,7 @@ const shown = page => page.evaluate(async () => {
   }));
 });
 
-test('hotspots are where their positions are, in their time, and take the focus', () => pageWith(browser, server, body, async page => {
+test('hotspots are where their positions are, in their time, and take the focus', () => withPage(body, async page => {
   await opened(page);
   const middle = await page.evaluate(() => {
     globalThis.player = document.querySelector('l4d-player');

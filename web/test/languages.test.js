@@ -1,19 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The language of <l4d-player>: that of the page, or of the reader; words of the page.
 import assert from 'node:assert/strict';
-import {join} from 'node:path';
-import {after, before, test} from 'node:test';
-import {launch, opened, pageWith, serve, work} from './browser.js';
+import {test} from 'node:test';
+import {opened} from './browser.js';
+import {pagesWith} from './pages.js';
 
-let browser, server;
-before(async () => {
-  browser = await launch();
-  server = await serve({'short.l4d': join(work, 'short.l4d')});
-});
-after(async () => {
-  await browser?.close();
-  server?.close();
-});
+const withPage = pagesWith('short');
 
 /** What players say. @param {any} page */
 const said = page => page.evaluate(() => [...document.querySelectorAll('l4d-player')].map(player => {
@@ -22,8 +14,8 @@ const said = page => page.evaluate(() => [...document.querySelectorAll('l4d-play
 }));
 const player = '<l4d-player src="short.l4d"></l4d-player>';
 
-test('the closest lang decides, else what the reader wants, else English', () => pageWith(
-  browser, server, `<l4d-player></l4d-player><div lang="fr-CA"><l4d-player></l4d-player><l4d-player lang="ja"></l4d-player></div>
+test('the closest lang decides, else what the reader wants, else English', () => withPage(
+  `<l4d-player></l4d-player><div lang="fr-CA"><l4d-player></l4d-player><l4d-player lang="ja"></l4d-player></div>
   <l4d-player lang="xx"></l4d-player><l4d-player lang=""></l4d-player>`, async page => {
     assert.deepEqual(await said(page), [['Ajustes', 'Repetir'], ['Réglages', 'Boucle'], ['設定', 'ループ'], ['Settings', 'Loop'], ['Ajustes', 'Repetir']]);
     await page.evaluate(() => {
@@ -35,8 +27,8 @@ test('the closest lang decides, else what the reader wants, else English', () =>
     assert.deepEqual((await said(page))[0], ['Settings', 'Loop']);
   }, {options: {locale: 'es-MX'}}));
 
-test('pages add words and languages, and players say them at once; a player in a shadow follows its host', () => pageWith(
-  browser, server, '<l4d-player lang="pl"></l4d-player><div lang="de"></div>', async page => {
+test('pages add words and languages, and players say them at once; a player in a shadow follows its host', () => withPage(
+  '<l4d-player lang="pl"></l4d-player><div lang="de"></div>', async page => {
     await page.evaluate(async () => {
       const {L4DPlayer} = await import('/player.js');
       const root = document.querySelector('div').attachShadow({mode: 'open'});
@@ -49,7 +41,7 @@ test('pages add words and languages, and players say them at once; a player in a
     assert.deepEqual(await inner(), ['Boucle', 'Caméra']);
   }));
 
-test('what is shown and spoken changes its language, too', () => pageWith(browser, server, player, async page => {
+test('what is shown and spoken changes its language, too', () => withPage(player, async page => {
   await opened(page);
   const found = await page.evaluate(async () => {
     const player = document.querySelector('l4d-player');

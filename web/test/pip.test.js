@@ -1,19 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Picture in picture of <l4d-player>.
 import assert from 'node:assert/strict';
-import {join} from 'node:path';
-import {after, before, test} from 'node:test';
-import {launch, opened, pageWith, serve, work} from './browser.js';
+import {test} from 'node:test';
+import {opened} from './browser.js';
+import {pagesWith} from './pages.js';
 
-let browser, server;
-before(async () => {
-  browser = await launch();
-  server = await serve({'short.l4d': join(work, 'short.l4d')});
-});
-after(async () => {
-  await browser?.close();
-  server?.close();
-});
+const withPage = pagesWith('short');
 
 const body = '<l4d-player src="short.l4d"></l4d-player>';
 /** Also collects events, and what the window shows. @param {any} page */
@@ -25,7 +17,7 @@ const prepare = page => page.evaluate(() => {
   }
 });
 
-test('the button of the menu opens a window with the picture, which goes with the player', () => pageWith(browser, server, body, async page => {
+test('the button of the menu opens a window with the picture, which goes with the player', () => withPage(body, async page => {
   await opened(page);
   await prepare(page);
   await page.click('.settings');
@@ -52,7 +44,7 @@ test('the button of the menu opens a window with the picture, which goes with th
   assert.deepEqual([found.seen, found.state], [[['enterpictureinpicture', true], ['leavepictureinpicture', false]], 'ended']);
 }));
 
-test('pages leave it as that of a video, and hear why there is none', () => pageWith(browser, server, body, async page => {
+test('pages leave it as that of a video, and hear why there is none', () => withPage(body, async page => {
   await opened(page);
   await prepare(page);
   const name = () => page.evaluate(() => player.requestPictureInPicture().then(() => 'done', error => error.name));
@@ -68,7 +60,7 @@ test('pages leave it as that of a video, and hear why there is none', () => page
   assert.equal(await name(), 'InvalidStateError');
 }));
 
-test('a browser without it has no button', () => pageWith(browser, server, '', async page => {
+test('a browser without it has no button', () => withPage('', async page => {
   const [hidden, name] = await page.evaluate(async () => {
     Object.defineProperty(document, 'pictureInPictureEnabled', {value: false});
     const player = document.createElement('l4d-player');
