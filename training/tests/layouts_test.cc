@@ -13,7 +13,7 @@
 #include "training/capture/tolerance.h"
 #include "training/images/loader.h"
 #include "training/init/start.h"
-#include "training/tests/tiny_capture.h"
+#include "training/tests/layout_files.h"
 
 // One capture, written in each of the layouts: the same cameras, times and images, and a training
 // on each gives the same bits.
@@ -22,69 +22,24 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
+using test::copy_images;
+using test::digits;
+using test::expect_error;
+using test::kCameras;
+using test::kFrames;
+using test::name_of;
+using test::put;
+using test::Truth;
+using test::write_colmap;
+using test::write_text;
 using testing::HasSubstr;
 using Layout = std::string;
-
-constexpr uint32_t kCameras = 5, kFrames = 4;
-
-// 5 cameras of the tiny capture, 4 frames; camera 0 tests.
-struct Truth {
-  std::vector<l4d_camera> cameras;
-  std::string frames = test::tiny_capture() + "/images";
-  std::string image(uint32_t camera, uint32_t frame) const {
-    char name[64];
-    std::snprintf(name, sizeof(name), "/cam%02u/%04u.png", camera, frame);
-    return frames + name;
-  }
-  Truth() {
-    const Capture capture = read_capture(test::tiny_capture(), {});
-    for (uint32_t c = 0; c < kCameras; ++c) {
-      cameras.push_back(capture.cameras[c].source.camera);
-    }
-  }
-};
-
-std::string name_of(uint32_t camera) { return "cam0" + std::to_string(camera); }
-
-void write_text(const std::string& path, const std::string& text) {
-  fs::create_directories(fs::path(path).parent_path());
-  std::ofstream(path, std::ios::binary) << text;
-}
 
 json matrix_of(const double* m, size_t rows, size_t columns, size_t stride) {
   json out = json::array();
   for (size_t r = 0; r < rows; ++r)
     out.push_back(std::vector<double>(m + stride * r, m + stride * r + columns));
   return out;
-}
-
-std::string digits(double value) {
-  char text[40];
-  std::snprintf(text, sizeof(text), "%.17g", value);
-  return text;
-}
-
-// From a PNG to a PNG or a JPEG.
-void copy_image(const std::string& from, const std::string& to) {
-  if (fs::path(to).extension() == ".png") {
-    fs::copy_file(from, to);
-    return;
-  }
-  const io::Image image = io::read_image(from);
-  std::vector<uint8_t> bytes(image.rgb.size());
-  io::to_bytes(image.rgb.data(), bytes.size(), bytes.data());
-  write_text(to, l4d::test::jpeg_of(image.width, image.height, bytes));
-}
-
-void copy_images(const Truth& truth, const std::string& folder, const char* pattern) {
-  for (uint32_t c = 0; c < kCameras; ++c) {
-    fs::create_directories(folder + "/images/" + name_of(c));
-    for (uint32_t f = 0; f < kFrames; ++f) {
-      char name[40];
-      std::snprintf(name, sizeof(name), pattern, f);
-      copy_image(truth.image(c, f), folder + "/images/" + name_of(c) + "/" + name);
-    }
-  }
 }
 
 void write_ours(const Truth& truth, const std::string& folder) {
@@ -159,85 +114,6 @@ void write_selfcap(const Truth& truth, const std::string& folder) {
   }
   write_text(folder + "/intri.yml", intri);
   write_text(folder + "/extri.yml", extri);
-}
-
-// A quaternion of the rotation of a camera.
-void quaternion_of(const l4d_camera& camera, double* q) {
-  const double* m = camera.world_to_camera;
-  const double r[9] = {m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]};
-  double best = 0;
-  for (size_t k = 0; k < 4; ++k) {
-    // Four times the square of each component.
-    const double s[4] = {1 + r[0] + r[4] + r[8], 1 + r[0] - r[4] - r[8], 1 - r[0] + r[4] - r[8],
-                         1 - r[0] - r[4] + r[8]};
-    if (s[k] <= best) continue;
-    best = s[k];
-    const double h = std::sqrt(s[k]) / 2, f = 1 / (4 * h);
-    const double a = (r[7] - r[5]) * f, b = (r[2] - r[6]) * f, c = (r[3] - r[1]) * f;
-    const double ab = (r[1] + r[3]) * f, ac = (r[2] + r[6]) * f, bc = (r[5] + r[7]) * f;
-    const double all[4][4] = {{h, a, b, c}, {a, h, ab, ac}, {b, ab, h, bc}, {c, ac, bc, h}};
-    std::copy_n(all[k], 4, q);
-  }
-}
-
-template <typename T>
-void put(std::string* to, T value) {
-  to->append(reinterpret_cast<const char*>(&value), sizeof(T));
-}
-
-void write_colmap(const Truth& truth, const std::string& folder, bool binary,
-                  const char* pattern = "%04u.png") {
-  copy_images(truth, folder, pattern);
-  std::string cameras, images, points;
-  if (binary) {
-    put<uint64_t>(&cameras, kCameras);
-    put<uint64_t>(&images, kCameras);
-  }
-  for (uint32_t c = 0; c < kCameras; ++c) {
-    const l4d_camera& k = truth.cameras[c];
-    double q[4];
-    quaternion_of(k, q);
-    const double t[3] = {k.world_to_camera[3], k.world_to_camera[7], k.world_to_camera[11]};
-    if (binary) {
-      put<uint32_t>(&cameras, c + 1);
-      put<int32_t>(&cameras, 1);
-      put<uint64_t>(&cameras, 64);
-      put<uint64_t>(&cameras, 48);
-      for (const double value : {k.fx, k.fy, k.cx, k.cy}) put(&cameras, value);
-      put<uint32_t>(&images, 7 + c);
-      for (const double value : q) put(&images, value);
-      for (const double value : t) put(&images, value);
-      put<uint32_t>(&images, c + 1);
-      images += name_of(c) + ".png" + '\0';
-      put<uint64_t>(&images, 1);
-      images += std::string(24, '\1');
-      continue;
-    }
-    cameras += "# a comment\n" + std::to_string(c + 1) + " OPENCV 64 48";
-    for (const double value : {k.fx, k.fy, k.cx, k.cy, 0.0, 0.0, 0.0, 0.0})
-      cameras += " " + digits(value);
-    images += std::to_string(7 + c);
-    for (const double value : q) images += " " + digits(value);
-    for (const double value : t) images += " " + digits(value);
-    cameras += "\n";
-    images += " " + std::to_string(c + 1) + " " + name_of(c) + ".png\n1.5 2.5 -1\n";
-  }
-  const std::string end = binary ? ".bin" : ".txt", model = folder + "/sparse/0/";
-  write_text(model + "cameras" + end, cameras);
-  write_text(model + "images" + end, images);
-  if (binary) {
-    put<uint64_t>(&points, 1);
-    put<uint64_t>(&points, 3);
-    for (const double value : {0.5, 0.25, -1.0}) put(&points, value);
-    points += "\xff\x80";
-    points += '\0';
-    put(&points, 0.1);
-    put<uint64_t>(&points, 1);
-    put<uint64_t>(&points, 0);
-  } else {
-    points = "3 0.5 0.25 -1 255 128 0 0.1 1 2\n";
-  }
-  write_text(model + "points3D" + end, points);
 }
 
 void write_hypernerf(const Truth& truth, const std::string& folder) {
@@ -575,16 +451,6 @@ TEST(Layouts, TrainToTheSameBits) {
   }
 }
 
-void expect_error(const std::string& path, l4d_status status, const std::string& word) {
-  try {
-    read_capture(path, {});
-    ADD_FAILURE() << path << ": no error about " << word;
-  } catch (const io::Error& error) {
-    EXPECT_EQ(error.status(), status) << error.what();
-    EXPECT_THAT(error.what(), HasSubstr(word));
-  }
-}
-
 struct Damage {
   Case layout;
   std::string file;      // that is missing, then damaged
@@ -718,76 +584,6 @@ TEST(Layouts, N3dvTakesVideosOfAnyName) {
   fs::remove(folder / "c/a0.mp4");
   EXPECT_THROW(read_capture(folder / "c", options), io::Error);
   expect_error(folder / "c", L4D_ERR_IO, "another number of videos");
-}
-
-TEST(Layouts, ColmapThatIsCutOffIsNamed) {
-  const Truth truth;
-  const test::Folder folder;
-  write_colmap(truth, folder / "c", true);
-  for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
-    const std::string path = folder / ("c/sparse/0/" + std::string(name));
-    const std::string whole = test::bytes_of(path);
-    for (size_t n = 0; n < whole.size(); n += 3) {
-      write_text(path, whole.substr(0, n));
-      expect_error(folder / "c", L4D_ERR_CORRUPT, name);
-    }
-    write_text(path, whole);
-  }
-  std::string cameras = test::bytes_of(folder / "c/sparse/0/cameras.bin");
-  cameras[12] = 9;
-  write_text(folder / "c/sparse/0/cameras.bin", cameras);
-  expect_error(folder / "c", L4D_ERR_FEATURE_UNSUPPORTED, "model 9");
-}
-
-// As COLMAP makes them: of a scene at rest, or of one camera that moves.
-TEST(Layouts, ColmapPhotosAreOfOneInstantOrOfOneCamera) {
-  const Truth truth;
-  const test::Folder folder;
-  write_colmap(truth, folder / "c", false);
-  fs::remove_all(folder / "c/images");
-  fs::create_directories(folder / "c/images");
-  for (uint32_t c = 0; c < kCameras; ++c) {
-    fs::copy_file(truth.image(c, c % kFrames), folder / ("c/images/" + name_of(c) + ".png"));
-  }
-  CaptureOptions options;
-  const Capture rests = read_capture(folder / "c", options);
-  EXPECT_EQ(rests.frames, 1U);
-  EXPECT_EQ(rests.points.size(), 1U);
-  EXPECT_THAT(rests.notes, testing::Contains(HasSubstr("of a scene at rest")));
-  options.fps = 25;
-  const Capture moves = read_capture(folder / "c", options);
-  EXPECT_EQ(moves.frames, kCameras);
-  for (const Capture* capture : {&rests, &moves}) {
-    ASSERT_EQ(capture->views.size(), kCameras);
-    for (uint32_t c = 0; c < kCameras; ++c) {
-      const CaptureView& view = capture->views[c];
-      EXPECT_EQ(view.camera, c);
-      EXPECT_EQ(view.time, capture == &rests ? 0 : c / 25.0);
-      EXPECT_THAT(view.file, testing::EndsWith(name_of(c) + ".png"));
-      EXPECT_EQ(capture->cameras[c].split, c % 8 == 0 ? "test" : "train");
-      EXPECT_NEAR(capture->cameras[c].source.camera.world_to_camera[3],
-                  truth.cameras[c].world_to_camera[3], 1e-6);
-    }
-  }
-  // All of it is there at the only instant.
-  const ModelState model = start_model(rests, rests.points, {1, 1, 0, 0, 1e30});
-  EXPECT_EQ(model.value.mean_t[0], 0);
-  EXPECT_NEAR(model.value.log_scale[3], 0, 1e-6);
-  fs::remove(folder / "c/images/cam03.png");
-  expect_error(folder / "c", L4D_ERR_IO, "camera 3 (cam03.png)");
-  options.tolerant = true;
-  EXPECT_EQ(read_capture(folder / "c", options).views.size(), kCameras - 1);
-}
-
-// As COLMAP makes them of photos.
-TEST(Layouts, ColmapModelsOfPartsAreNamed) {
-  const Truth truth;
-  const test::Folder folder;
-  write_colmap(truth, folder / "c", false);
-  fs::create_directories(folder / "c/sparse/1");
-  EXPECT_THAT(read_capture(folder / "c", {}).notes, testing::Contains(HasSubstr("other models")));
-  fs::remove_all(folder / "c/images");
-  expect_error(folder / "c", L4D_ERR_IO, "videos/cam00.mp4");
 }
 
 TEST(Layouts, YamlOfOpenCv) {
