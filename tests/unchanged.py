@@ -7,7 +7,7 @@
 
 INPUT: a file or folder, from the root of the tree. unchanged.txt has lines "NAME DIGEST": the digest of the inputs
 that NAME last passed with. If it is that of the inputs, the test is skipped (exit status 77). Otherwise COMMAND
-runs; if it passes, the line that belongs into unchanged.txt is printed. A line that is out of date costs time and
+runs, with the inputs in L4D_INPUTS; if it passes, the line that belongs into unchanged.txt is printed. A line that is out of date costs time and
 hides nothing.
 
 L4D_UNCHANGED=run runs it in any case, as ./dev nightly does; L4D_UNCHANGED=write also writes the line."""
@@ -59,7 +59,8 @@ def run(root, table, name, inputs, command, mode):
     if known(table).get(name) == before and not mode:
         print(f"skipped: passed before with the same {', '.join(inputs)} (./dev nightly runs it)")
         return 77
-    status = subprocess.run(command, check=False).returncode
+    names = {**os.environ, "L4D_INPUTS": " ".join(inputs)}
+    status = subprocess.run(command, check=False, env=names).returncode
     if status == 0 and digest(root, inputs) != before:
         print(f"FAIL: {name} changes its own inputs", file=sys.stderr)
         return 1
@@ -91,6 +92,8 @@ def self_test():
         assert run(root, table, "t", ["in"], fails, "") == 77
         (root / "in" / "a").rename(root / "in" / "c")
         assert run(root, table, "t", ["in"], fails, "") == 1, "another name"
+        told = ["sh", "-c", 'test "$L4D_INPUTS" = "in unchanged.txt"']
+        assert run(root, table, "v", ["in", "unchanged.txt"], told, "") == 0, "the inputs are in L4D_INPUTS"
         touches = ["touch", str(root / "in" / "d")]
         assert run(root, table, "t", ["in"], touches, "") == 1, "a test that writes into its inputs"
     print("unchanged: self-test passed")

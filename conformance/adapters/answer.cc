@@ -19,8 +19,8 @@
 
 #include "conformance/adapters/digests.h"
 #include "l4d/cuda.h"
+#include "l4d/decode.hpp"
 #include "l4d/experimental/inspect.hpp"
-#include "l4d/l4d.hpp"
 
 namespace {
 

@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "l4d/l4d.hpp"
+#include "l4d/decode.hpp"
 
 namespace l4d {
 

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "l4d/l4d.hpp"
+#include "l4d/decode.hpp"
 #include "libl4dcodec/base/hash.h"
 
 namespace {

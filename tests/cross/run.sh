@@ -112,6 +112,28 @@ else
 fi
 bin=$build/bin
 
+# all_named BUILD: every source that a build read is an input of this test, or it would be skipped where one has changed.
+all_named() {
+  local file input
+  [[ $(sources_of "$1" | wc -l) -gt 0 ]] || { echo "FAIL: $1 says of no source that it read it" >&2 && exit 1; }
+  while read -r file; do
+    for input in $L4D_INPUTS; do
+      [[ $file != "$input" && $file != "$input"/* ]] || continue 2
+    done
+    echo "FAIL: tests/cross/CMakeLists.txt does not name $file among the inputs of cross/$target" >&2
+    exit 1
+  done < <(sources_of "$1")
+}
+# Of the tree, from its root on. A compiler cache makes paths relative to the build.
+sources_of() {
+  ninja -C "$1" -t deps | sed -n 's/^ \+//p' | sort -u | (cd "$1" && xargs -d '\n' realpath -m --relative-to="$root") |
+    grep -v '^\(\.\.\|build\)/' | sort -u
+}
+if [[ -n ${L4D_INPUTS:-} ]]; then
+  all_named "$build"
+  [[ $target != wasm ]] || all_named "$root/build/wasm"
+fi
+
 "$here/streams.sh" "$work/streams" "$tool"
 mapfile -t streams <"$work/streams/list"
 
