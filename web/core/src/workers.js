@@ -54,10 +54,13 @@ export const workerFrom = address => {
  */
 export const startWorker = (make, text, name, base) => {
   if (text !== undefined) return fromText(text);
+  const {origin} = globalThis.location ?? {};
+  // Chromium throws where the worker is of another origin, and Firefox fails later.
+  if (base?.startsWith('http') && new URL(base).origin !== origin) return workerFrom(new URL(name, base));
   try {
     return lies(make(), new URL(name, base).href);
   } catch (error) {
-    // Another origin, or trusted types.
+    // Trusted types.
     if (!base.startsWith('http')) throw error;
     return workerFrom(new URL(name, base));
   }
