@@ -55,11 +55,16 @@ export const statusError = (url, status) => {
   return new L4DError('HTTP', `${url}: status ${status}${why}`);
 };
 
+/** Of a page that is no page of a server. @param {string} fault */
+export const fileError = fault =>
+  new L4DError('INTERNAL', `a page that is opened as a file ${fault}; put it on a web server (python3 -m http.server is one)`);
+
 /** Of a request without an answer. @param {string} url @param {any} error of fetch() @param {string[]} [headers] of the page */
 export const fetchError = (url, error, headers = []) => {
   const {origin} = globalThis.location ?? {};
+  if (url.startsWith('file:')) return fileError('reads no other files');
   // Browsers do not say which it was.
-  const why = !origin || new URL(url, origin).origin === origin ? '' :
+  const why = !origin || origin !== 'null' && new URL(url, origin).origin === origin ? '' :
     '; a server of another origin must also allow this page to read the file (Access-Control-Allow-Origin)' +
     (headers.length > 0 ? ` and to send ${headers.join(', ')} (Access-Control-Allow-Headers, in the answer to OPTIONS)` : '');
   return Object.assign(new L4DError('NETWORK', `${url}: ${error?.message ?? error}${why}`), {cause: error});

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How workers start: beside the page, from another origin, and out of the text of one file; and why one does not.
-import {fetchError, L4DError, statusError} from './errors.js';
+import {fetchError, fileError, L4DError, statusError} from './errors.js';
 
 /**
  * What a file holds that has all of the player in it (l4d-player.js): texts of workers, bytes of l4d.wasm.
@@ -72,9 +72,7 @@ export const startWorker = (make, text, name, base) => {
  */
 export const workerError = async (worker, {message}) => {
   if (message) return new L4DError('INTERNAL', message);
-  if (globalThis.location?.protocol === 'file:') {
-    return new L4DError('INTERNAL', 'a page that is opened as a file starts no workers; put it on a web server (python3 -m http.server is one)');
-  }
+  if (globalThis.location?.protocol === 'file:') return fileError('starts no workers');
   const url = addresses.get(worker);
   /** @type {any} */
   const answer = url && await fetch(url).catch(error => fetchError(url, error));
