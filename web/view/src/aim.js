@@ -10,7 +10,7 @@ const usualTurn = Math.PI / 32;  // a second
 /** @typedef {ReturnType<import('./camera.js').OrbitCamera['state']>} State */
 /** @typedef {'user-interaction' | 'automatic' | 'none'} Source what moves a camera; none: the page does */
 
-const isStill = () => matchMedia('(prefers-reduced-motion: reduce)').matches;
+export const isStill = () => matchMedia('(prefers-reduced-motion: reduce)').matches;
 
 /** Sends the camera of a player where attributes say, and turns it by itself. */
 export class Aim {

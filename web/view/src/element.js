@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 import {L4DError, open} from 'l4dcodec';
+import {isStill} from './aim.js';
 import {openOptions} from './attributes.js';
 import {Captions} from './captions.js';
 import {CameraElement, cameraAttributes, cameraProperties} from './camera-element.js';
@@ -64,6 +65,7 @@ export class L4DPlayer extends CameraElement {
     watchLanguage(this, this.languages);
     if (this.life) return;  // it was moved
     this.life = new AbortController();
+    this.#turn();
     const {signal} = this.life;
     changes.addEventListener('change', () => this.#speak(), {signal});
     globalThis.addEventListener('languagechange', () => this.#speak(), {signal});
@@ -330,9 +332,8 @@ export class L4DPlayer extends CameraElement {
     this.#busy(false);
     this.#showTime();
     this.#showProgress();
-    const still = matchMedia('(prefers-reduced-motion: reduce)').matches;
     for (const type of ['loadeddata', 'canplay', 'canplaythrough']) this.tell(type);
-    if (this.kept ? this.kept.plays : this.autoplay && !still) movie.play();
+    if (this.kept ? this.kept.plays : this.autoplay && !isStill()) movie.play();
     else this.$('.big').hidden = false;
     this.kept = null;
     this.#say('ready', {what: movie.live ? this.texts.say('live') : spokenTime(movie.duration, this.texts)});
@@ -619,7 +620,25 @@ export class L4DPlayer extends CameraElement {
   }
 
   /** @param {boolean} on */
-  #busy(on) { this.$('.spinner').hidden = !on; }
+  #busy(on) {
+    this.$('.spinner').hidden = !on;
+    this.#turn();
+  }
+
+  /**
+   * Turns the ring of what is busy. No animation of the browser does so: Firefox (153) keeps an element for ever, and the player
+   * with it, that is removed while one runs.
+   */
+  #turn() {
+    this.turning ||= requestAnimationFrame(now => {
+      const spinner = this.$('.spinner');
+      this.turning = 0;
+      if (spinner.hidden || !this.isConnected) return;
+      spinner.style.rotate = `${now / (isStill() ? 3000 : 900) % 1}turn`;
+      this.#turn();
+    });
+  }
+  turning = 0;  // the request for the next frame
 
   /** To screen readers. @param {import('./words.js').Word} word @param {Record<string, string>} [values] */
   #say(word, values) { this.$('.said').textContent = this.texts.say(word, values); }

@@ -79,8 +79,7 @@ button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px s
 .play[data-label=play] svg:nth-child(1), .play[data-label=pause] svg:nth-child(2), .play[data-label=again] svg:nth-child(3) { display: block; }
 .big:hover { transform: scale(1.06); background: rgb(30 38 48 / .72); }
 .spinner { position: absolute; inset: 0; margin: auto; width: 44px; height: 44px; border-radius: 50%; border: 3px solid rgb(255 255 255 / .2);
-  border-top-color: #fff; animation: turn .9s linear infinite; pointer-events: none; }
-@keyframes turn { to { transform: rotate(1turn); } }
+  border-top-color: #fff; pointer-events: none; }
 .overlay { position: absolute; top: 12px; left: 12px; padding: 9px 12px; border-radius: 8px; background: rgb(9 12 16 / .74); backdrop-filter: blur(6px);
   font: 12px/1.55 ui-monospace, "SF Mono", Menlo, Consolas, monospace; display: grid; grid-template-columns: auto auto; gap: 0 14px; pointer-events: none; margin: 0; }
 .overlay dt { color: #aeb8c5; } .overlay dd { margin: 0; text-align: right; }
@@ -121,7 +120,7 @@ button:focus-visible, input:focus-visible, select:focus-visible { outline: 2px s
 }
 @media (pointer: coarse) { .bar button { width: 44px; height: 44px; } .track, .track input::-webkit-slider-runnable-track { height: 32px; }
   .captions { bottom: 92px; } .track .rail, .track .spans, .track .done { top: 14px; } .track input::-webkit-slider-thumb { margin-top: 9px; } }
-@media (prefers-reduced-motion: reduce) { * { transition: none !important; } .spinner { animation-duration: 3s; } }
+@media (prefers-reduced-motion: reduce) { * { transition: none !important; } }
 `;
 
 /** @param {ShadowRoot} root */
