@@ -60,7 +60,10 @@ export class Captions {
         this.show();
       });
     }
-    this.video.append(copy);  // The browser shows it or not, by its attribute default and by what the reader prefers.
+    this.video.append(copy);
+    // The browser shows it or not, by its attribute default and by what the reader prefers; Firefox only if it is of the first that come.
+    if (!copy.default || !isCaption(copy.track)) return;
+    setTimeout(() => { if (copy.parentNode && this.player.isConnected && this.showing.length === 0) copy.track.mode = 'showing'; });
   }
 
   /** While the player is in no page, nothing is shown: Chromium keeps a video with tracks that show in memory. @param {boolean} on */
