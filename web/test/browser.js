@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// What tests in Chromium share: a server of the player's files and of streams, with faults, and pages.
+// What tests in browsers share: a server of the player's files and of streams, with faults, and pages.
 import assert from 'node:assert/strict';
 import {createServer} from 'node:http';
-import {existsSync, readFileSync} from 'node:fs';
+import {readFileSync} from 'node:fs';
 import {extname, join} from 'node:path';
-import {chromium} from 'playwright-core';
 
 export const root = process.env.L4D_ROOT ?? new URL('../..', import.meta.url).pathname;
 export const work = process.env.L4D_WORK ?? join(root, 'build/release/web');
@@ -84,27 +83,31 @@ export const serve = async (streams, faults = {}, folder = 'build/web/player', h
   };
 };
 
-// The processor paints what is not WebGL without threads and shaders of its own.
-const flags = ['--no-sandbox', '--disable-dev-shm-usage', '--use-gl=angle', '--use-angle=swiftshader',
-               '--enable-unsafe-swiftshader', '--disable-gpu-watchdog', '--disable-gpu-rasterization'];
-// Without the last two, canvases of WebGPU stay empty, and those of WebGL2 are lost.
-const webgpuFlags = ['--enable-unsafe-webgpu', '--use-webgpu-adapter=swiftshader', '--enable-features=Vulkan',
-                     '--use-vulkan=swiftshader'];
+// L4D_BROWSER: chromium (default) or firefox.
+const driver = await import(process.env.L4D_BROWSER === 'firefox' ? './firefox.js' : './chromium.js');
 
-const gpuFlags = ['--no-sandbox', '--disable-dev-shm-usage', '--ignore-gpu-blocklist', '--use-gl=angle', '--use-angle=gl-egl',
-                  '--enable-unsafe-webgpu'];
-
-// The same engine without windows, whose pages take a third of the time of those of chromium, is what draws where it is installed.
-const programs = ['/usr/bin/chromium-headless-shell', '/usr/bin/chromium'];
+/** What draws. */
+export const browserName = driver.name;
 
 /**
- * @param {{webgpu?: boolean, gpu?: boolean, args?: string[]}} [options] webgpu: on the processor, gpu: what the GPU offers over EGL;
- * args: more of them
+ * @param {{webgpu?: boolean, gpu?: boolean, webgl?: boolean}} [options] webgpu: on the processor, gpu: what the GPU offers over EGL;
+ * webgl: false: there is none
+ * @returns {Promise<any>}
  */
-export const launch = ({webgpu = false, gpu = false, args = []} = {}) => chromium.launch({
-  executablePath: process.env.L4D_CHROMIUM ?? programs.find(path => existsSync(path)),
-  args: [...gpu ? gpuFlags : [...flags, ...webgpu ? webgpuFlags : []], ...args]
-});
+export const launch = driver.launch;
+
+/**
+ * Fingers on a page: start() and move() take the place of each, end() lifts all of them.
+ * @param {any} page
+ * @returns {Promise<{start(points: number[][]): Promise<void>, move(points: number[][]): Promise<void>, end(): Promise<void>}>}
+ */
+export const touch = driver.touch;
+
+/**
+ * Collects what no page needs any longer, and says what is there: bytes of scripts, nodes and listeners.
+ * @param {any} page @returns {Promise<{bytes: number, nodes: number, listeners: number}>}
+ */
+export const heap = driver.heap;
 
 /** An empty page of a server, which modules can be imported into. @param {any} browser @param {string} url */
 export const blankPage = async (browser, url) => {
@@ -114,10 +117,10 @@ export const blankPage = async (browser, url) => {
   return page;
 };
 
-/** Says aloud where this Chromium offers no WebGPU. @param {any} page @returns {Promise<boolean>} */
+/** Says aloud where this browser offers no WebGPU. @param {any} page @returns {Promise<boolean>} */
 export const hasWebGpu = async page => {
   const has = await page.evaluate(async () => Boolean(await navigator.gpu?.requestAdapter()));
-  if (!has) console.log('SKIPPED: WebGPU: this Chromium has no adapter');
+  if (!has) console.log(`SKIPPED: WebGPU: this ${browserName} has no adapter`);
   return has;
 };
 
@@ -147,6 +150,15 @@ export const newPage = async (browser, options = {}) => {
   return page;
 };
 
+/**
+ * What a page has complained of until now.
+ * @param {any} page @returns {Promise<string[]>}
+ */
+export const complaints = async page => {
+  await driver.allSaid(page);
+  return page.errors;
+};
+
 /** Waits until the player shows its first picture. @param {any} page */
 export const opened = page => page.waitForFunction(() => {
   const player = document.querySelector('l4d-player');
@@ -155,15 +167,12 @@ export const opened = page => page.waitForFunction(() => {
 
 /** Fingers that move in steps from one place to another. @param {any} page @param {number[][][]} ways of each finger: from and to */
 export const swipe = async (page, ways) => {
-  const session = await page.context().newCDPSession(page);
-  const at = (/** @type {number} */ step) => ways.map(([from, to], id) => {
-    const [x, y] = from.map((begin, axis) => begin + (to[axis] - begin) * step / 8);
-    return {id, x, y};
-  });
-  await session.send('Input.dispatchTouchEvent', {type: 'touchStart', touchPoints: at(0)});
-  for (let step = 1; step <= 8; ++step) await session.send('Input.dispatchTouchEvent', {type: 'touchMove', touchPoints: at(step)});
-  await session.send('Input.dispatchTouchEvent', {type: 'touchEnd', touchPoints: []});
-  await session.detach();
+  const {start, move, end} = await touch(page);
+  const at = (/** @type {number} */ step) =>
+    ways.map(([from, to]) => from.map((begin, axis) => begin + (to[axis] - begin) * step / 8));
+  await start(at(0));
+  for (let step = 1; step <= 8; ++step) await move(at(step));
+  await end();
 };
 
 /**
@@ -182,7 +191,7 @@ export const pageWith = async (browser, server, body, fn, {hash = '', headers = 
     }));
     await page.goto(`${server.url}page.html${hash}`);
     await fn(page);
-    assert.deepEqual(page.errors.filter(error => !errors?.test(error)), []);
+    assert.deepEqual((await complaints(page)).filter(error => !errors?.test(error)), []);
   } finally {
     await page.close();
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What bundlers make of the packages, in Chromium. L4D_BUNDLERS=all, as ./dev web sets it; otherwise esbuild alone.
+// What bundlers make of the packages, in browsers. L4D_BUNDLERS=all, as ./dev web sets it; otherwise esbuild alone.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
 import {mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync} from 'node:fs';
@@ -8,7 +8,7 @@ import {tmpdir} from 'node:os';
 import {join, relative} from 'node:path';
 import {after, before, test} from 'node:test';
 import {gzipSync} from 'node:zlib';
-import {launch, newPage, opened, serve, work} from './browser.js';
+import {complaints, launch, newPage, opened, serve, work} from './browser.js';
 
 const root = process.env.L4D_ROOT ?? new URL('../..', import.meta.url).pathname;
 const require = createRequire(import.meta.url);
@@ -79,7 +79,7 @@ for (const [name, {from, build}] of Object.entries(bundlers)) {
     try {
       await tab.goto(server.url);
       await opened(tab);
-      assert.deepEqual(tab.errors, []);
+      assert.deepEqual(await complaints(tab), []);
     } finally {
       await tab.close();
       server.close();
@@ -95,7 +95,7 @@ test('l4d-player.js alone, from another origin, with a content security policy',
   try {
     await tab.goto(`${server.url}page.html`);
     await opened(tab);
-    assert.deepEqual(tab.errors, []);
+    assert.deepEqual(await complaints(tab), []);
     assert.equal(cdn.names.length, 1, `${cdn.names}`);
   } finally {
     await tab.close();

@@ -158,7 +158,8 @@ const visible = page => page.evaluate(async () => {
     if (z > 0 && opacity[k] > 0.8 && isAside && !(best?.depth < z)) best = {...at, depth: z, position: p};
   }
   const box = view.canvas.getBoundingClientRect();
-  return {...best, x: box.left + best.x * box.width / view.canvas.width, y: box.top + best.y * box.height / view.canvas.height};
+  // A mouse points at whole pixels.
+  return {...best, x: Math.round(box.left + best.x * box.width / view.canvas.width), y: Math.round(box.top + best.y * box.height / view.canvas.height)};
 });
 
 test('a point of the picture has a position, and a double click looks there', () => withPlayer('src="short.l4d"', async page => {

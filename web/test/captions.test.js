@@ -5,7 +5,7 @@ import {mkdtempSync, rmSync, writeFileSync} from 'node:fs';
 import {tmpdir} from 'node:os';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
-import {launch, opened, pageWith, serve, work} from './browser.js';
+import {launch, opened, pageWith, serve, touch, work} from './browser.js';
 
 const folder = mkdtempSync(join(tmpdir(), 'l4dcaptions-'));
 const texts = {
@@ -126,23 +126,22 @@ test('thumbnails of the timeline: under the pointer, within the player, and fetc
   assert.deepEqual(await at(0.4), {cell: 1, size: [160, 90], inside: true, time: '0:01.6'});
   await shot(page, 'thumbnails');
   assert.deepEqual(await at(0.002), {cell: 0, size: [160, 90], inside: true, time: '0:00.0'});
-  assert.deepEqual(await at(0.999), {cell: 3, size: [160, 90], inside: true, time: '0:04.0'});
+  assert.deepEqual(await at(0.998), {cell: 3, size: [160, 90], inside: true, time: '0:04.0'});
   await page.mouse.move(x, y - 60);
   assert.equal(await thumbnail(page), null);
 }));
 
 test('thumbnails are there while a finger drags, and gone behind it', () => withPage(withThumbnails, async page => {
   const {x, y, width, height} = await page.locator('.track input').boundingBox();
-  const session = await page.context().newCDPSession(page);
-  const touch = (/** @type {string} */ type, /** @type {number[]} */ ...shares) => session.send('Input.dispatchTouchEvent', {
-    type, touchPoints: shares.map(share => ({x: x + share * width, y: y + height / 2}))});
-  await touch('touchStart', 0.2);
-  await touch('touchMove', 0.5);
-  await touch('touchMove', 0.6);
+  const finger = await touch(page);
+  const at = (/** @type {number} */ share) => [[x + share * width, y + height / 2]];
+  await finger.start(at(0.2));
+  await finger.move(at(0.5));
+  await finger.move(at(0.6));
   const {cell, size, inside} = await thumbnail(page);
   await shot(page, 'thumbnails-touch');
   assert.deepEqual([cell, inside, Math.round(size[0])], [2, true, Math.round(0.4 * 304)]);
-  await touch('touchEnd');
+  await finger.end();
   await page.waitForFunction(() => !document.querySelector('l4d-player').scrubbing);
   assert.equal(await thumbnail(page), null);
 }, {size: [320, 220], options: {hasTouch: true}}));

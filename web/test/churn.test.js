@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
-import {launch, pageWith, serve, work} from './browser.js';
+import {heap, launch, pageWith, serve, work} from './browser.js';
 
 const count = Number(process.env.L4D_CHURN ?? 20);
 let browser, server;
@@ -18,23 +18,16 @@ after(async () => {
 
 test(`${count} players that are opened, used and removed leave no memory, no node, no listener and no worker`, () => pageWith(
   browser, server, '', async page => {
-    const session = await page.context().newCDPSession(page);
-    await session.send('Performance.enable');
-    const measure = async () => {
-      await session.send('HeapProfiler.collectGarbage');
-      const {metrics} = await session.send('Performance.getMetrics');
-      return Object.fromEntries(metrics.map(({name, value}) => [name, value]));
-    };
     /**
      * What is there once no worker is, and collections find no more. The last player goes when the browser wants: a node
      * that none of its events needs any longer.
-     * @param {(now: Record<string, number>) => boolean} [done] whether it is what is to be there: what is not, is waited for
+     * @param {(now: {nodes: number, listeners: number}) => boolean} [done] whether it is what is to be there: what is not, is waited for
      */
     const settled = async (done = () => true) => {
       await page.evaluate(() => new Promise(resolve => requestAnimationFrame(resolve)));
-      for (let last = await measure(), k = 0; ; ++k) {
-        const now = await measure();
-        const rests = now.Nodes >= last.Nodes && now.JSHeapUsedSize > last.JSHeapUsedSize - 1e4;
+      for (let last = await heap(page), k = 0; ; ++k) {
+        const now = await heap(page);
+        const rests = now.nodes >= last.nodes && now.bytes > last.bytes - 1e4;
         if (page.workers().length === 0 && rests && done(now) || k === 300) return now;
         last = now;
         if (rests) await new Promise(resolve => setTimeout(resolve, 20));
@@ -60,11 +53,11 @@ test(`${count} players that are opened, used and removed leave no memory, no nod
     await use(Math.ceil(count / 4));
     const first = await settled();
     await use(count - Math.ceil(count / 4));
-    const isGone = (/** @type {Record<string, number>} */ now) => now.Nodes - first.Nodes < 50 && now.JSEventListeners - first.JSEventListeners < 20;
+    const isGone = (/** @type {Record<string, number>} */ now) => now.nodes - first.nodes < 50 && now.listeners - first.listeners < 20;
     const last = await settled(isGone);
     const grown = (/** @type {string} */ name) => last[name] - first[name];
-    console.log(`from ${first.JSHeapUsedSize} to ${last.JSHeapUsedSize} bytes`);
+    console.log(`from ${first.bytes} to ${last.bytes} bytes`);
     assert.equal(page.workers().length, 0);
-    assert.ok(isGone(last), `${grown('Nodes')} nodes, ${grown('JSEventListeners')} listeners`);
-    assert.ok(grown('JSHeapUsedSize') < 3e5, `from ${first.JSHeapUsedSize} to ${last.JSHeapUsedSize} bytes`);
+    assert.ok(isGone(last), `${grown('nodes')} nodes, ${grown('listeners')} listeners`);
+    assert.ok(grown('bytes') < 3e5, `from ${first.bytes} to ${last.bytes} bytes`);
   }));

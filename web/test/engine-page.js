@@ -5,7 +5,7 @@ import {execFileSync} from 'node:child_process';
 import {readFileSync, writeFileSync} from 'node:fs';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
-import {launch, newPage, serve, work} from './browser.js';
+import {complaints, launch, newPage, serve, work} from './browser.js';
 
 export const tool = /** @type {string} */ (process.env.L4D_TOOL);
 
@@ -67,7 +67,7 @@ export const fidelities = async (page, stream, views, name) => {
     }, {camera, time, png: rendered(stream, camera, time, [320, 240])}));
   }
   console.log(`${name} against l4dcodec render: ${found.map(v => v.toFixed(2)).join(', ')} dB`);
-  assert.deepEqual(page.errors, []);
+  assert.deepEqual(await complaints(page), []);
   return found;
 };
 
@@ -112,7 +112,7 @@ export const checkDisposal = async page => {
   assert.equal(lit, 0);
   assert.equal(isThere, false);
   for (const worker of page.workers()) await new Promise(resolve => worker.once('close', resolve));
-  assert.deepEqual(page.errors, []);
+  assert.deepEqual(await complaints(page), []);
 };
 
 /**

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The view against `l4dcodec render`: 5 times x 3 cameras x 7 scenes, both targets, both back ends. Each time with one
 // camera and at a quarter of the size, one target for each scene but one, and two of the cases of WebGPU, unless
-// L4D_WEB_VIEWS is `all` (./dev web, ./dev nightly): Chromium draws on the processor here.
+// L4D_WEB_VIEWS is `all` (./dev web, ./dev nightly): browsers draw on the processor here.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
 import {existsSync, readFileSync, writeFileSync} from 'node:fs';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
-import {blankPage, hasWebGpu, launch, serve, work} from './browser.js';
+import {blankPage, browserName, complaints, hasWebGpu, launch, serve, work} from './browser.js';
 
 const tool = /** @type {string} */ (process.env.L4D_TOOL);
 const data = process.env.L4D_DATA_DIR ?? join(process.env.L4D_ROOT ?? '.', '../shared/data');
@@ -16,7 +16,8 @@ const scale = allViews ? 1 : 0.25, width = 640 * scale, height = 360 * scale;
 // Of both back ends: several streams at a time, and all that a stream states of how it is drawn; both targets. What a
 // target changes has nothing to do with the scene, so that the others are drawn to one of them.
 const always = ['members, 16f', 'drawn, 10'];
-const least = {'16f': 48, 10: 45};  // dB, of the whole picture
+// dB, of the whole picture. Mesa draws for Firefox on the processor: of the trained scene it reaches 45.2 dB, in Chromium, too.
+const least = {'16f': browserName === 'Firefox' ? 45 : 48, 10: 45};
 // Of one back end against the other: dB, and levels of 255 of any channel of any pixel. They sort by 22 and by 32 bits of
 // depth, so that some Gaussians of nearly the same depth change places.
 const leastAgreement = 60;
@@ -141,7 +142,7 @@ for (const scene of scenes()) {
           }
         }
         console.log(`${name}: ${summary(found)}`);
-        assert.deepEqual(page.errors, []);
+        assert.deepEqual(await complaints(page), []);
         assert.ok(Math.min(...found) >= least[target], found.map(v => v.toFixed(2)).join(' '));
         if (agreement.length === 0) return;
         console.log(`${name} against the other back end: ${summary(agreement)}, at most ${Math.max(...differences)} levels`);

@@ -6,7 +6,7 @@ import {mkdtempSync, rmSync} from 'node:fs';
 import {tmpdir} from 'node:os';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
-import {launch, newPage, serve, work} from './browser.js';
+import {complaints, launch, newPage, serve, work} from './browser.js';
 
 const root = process.env.L4D_ROOT ?? new URL('../..', import.meta.url).pathname;
 const folder = mkdtempSync(join(tmpdir(), 'l4dmedia-'));
@@ -31,7 +31,7 @@ const withPage = async (body, fn, errors) => {
     await page.goto(`${server.url}page.html`);
     await page.waitForFunction(() => Boolean(customElements.get('l4d-player')));
     await fn(page);
-    assert.deepEqual(page.errors.filter(error => !errors?.test(error)), []);
+    assert.deepEqual((await complaints(page)).filter(error => !errors?.test(error)), []);
   } finally {
     await page.close();
   }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// <l4d-player> in Chromium.
+// <l4d-player> in browsers.
 import assert from 'node:assert/strict';
 import {mkdtempSync, readFileSync, rmSync} from 'node:fs';
 import {tmpdir} from 'node:os';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
-import {launch, newPage, opened, serve, work} from './browser.js';
+import {complaints, heap, launch, newPage, opened, serve, work} from './browser.js';
 import {recording} from './recording.js';
 
 const stream = join(work, 'short.l4d');
@@ -25,7 +25,7 @@ const withPlayer = async (fn, {faults = {}, options = {}, hash = '', wait = true
       await page.evaluate(() => document.querySelector('l4d-player').movie.pause());
     }
     await fn(page, server);
-    if (noErrors) assert.deepEqual(page.errors, []);
+    if (noErrors) assert.deepEqual(await complaints(page), []);
   } finally {
     await page.close();
     server.close();
@@ -451,7 +451,7 @@ test('wrong arguments and calls after the end are answered', () => withPlayer(as
   assert.deepEqual(rest, {view: true, null: 'INVALID_ARGUMENT', number: 'INVALID_ARGUMENT', address: 'INVALID_ARGUMENT',
                           relative: 'done', nan: 'INVALID_ARGUMENT', rate: ['INVALID_ARGUMENT', 1], heard: 1,
                           gone: 'AbortError', nothing: 'Error', bounds: [null, null]});
-  assert.deepEqual(page.errors.splice(0), ['Error: of a listener']);
+  assert.deepEqual((await complaints(page)).splice(0), ['Error: of a listener']);
 }));
 
 test('reduced motion does not play by itself', () => withPlayer(async page => {
@@ -628,9 +628,8 @@ test('a file that changes is told, and so is a lost server; trying again helps',
 
 test('memory stays flat over 200 seeks', () => withPlayer(async page => {
   const memory = async () => {
-    await page.requestGC();
-    return inPlayer(page, player => [performance.memory.usedJSHeapSize, player.movie.statistics.memoryBytes,
-                                     player.view.painter.store.free.length]);
+    const {bytes} = await heap(page);
+    return [bytes, await inPlayer(page, player => player.movie.statistics.memoryBytes)];
   };
   const seeks = n => inPlayer(page, async (player, count) => {
     for (let k = 0; k < count; ++k) await player.movie.seek((k * 37 % 40) / 10);

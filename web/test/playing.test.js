@@ -4,7 +4,7 @@
 import assert from 'node:assert/strict';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
-import {blankPage, launch, serve, work} from './browser.js';
+import {blankPage, complaints, launch, serve, work} from './browser.js';
 
 let browser;
 before(async () => { browser = await launch(); });
@@ -97,7 +97,7 @@ const isWhole = async (name, options) => {
   const page = await blankPage(browser, server.url);
   try {
     const {pictures, played, removed, lost} = await page.evaluate(playAndCompare, {stream: `/${name}.l4d`, ...options});
-    assert.deepEqual(page.errors, []);
+    assert.deepEqual(await complaints(page), []);
     assert.equal(lost, 0, 'the context was lost');
     assert.ok(played >= options.seconds, `played ${played} s`);
     const times = new Set(pictures.map(p => p.time)).size, lit = pictures.filter(p => p.light > 1).length;

@@ -1,17 +1,18 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# usage: run.sh prepare|core|browser|spark|three|babylon|playcanvas TOOL WORK_DIR [FILE...]
+# usage: run.sh prepare|core|browser|firefox|spark|three|babylon|playcanvas TOOL WORK_DIR [FILE...]
 # prepare: builds l4d.wasm and the packages, and makes scenes in WORK_DIR. core: the decoder and its sessions in node,
 # against TOOL. browser: the player in Chromium, all of it or the files with these names (images: images.test.js).
+# firefox: the same in Firefox, on a display of its own, where Mesa draws.
 # spark, three, babylon, playcanvas: the adapters to these engines in Chromium.
 # All but the first prepare first, unless L4D_WEB_PREPARED is set, as it is where ctest has run that before.
 # Exit status 77: something that they need is not installed.
 set -euo pipefail
-usage="usage: run.sh prepare|core|browser|spark|three|babylon|playcanvas TOOL WORK_DIR [FILE...]"
+usage="usage: run.sh prepare|core|browser|firefox|spark|three|babylon|playcanvas TOOL WORK_DIR [FILE...]"
 kind=${1:?"$usage"} tool=${2:?"$usage"} work=${3:?"$usage"}
 shift 3
-[[ $kind =~ ^(prepare|core|browser|spark|three|babylon|playcanvas)$ ]] || { echo "unknown kind $kind" >&2 && exit 2; }
-[[ $# -eq 0 || $kind == browser ]] || { echo "$usage" >&2 && exit 2; }
+[[ $kind =~ ^(prepare|core|browser|firefox|spark|three|babylon|playcanvas)$ ]] || { echo "unknown kind $kind" >&2 && exit 2; }
+[[ $# -eq 0 || $kind =~ ^(browser|firefox)$ ]] || { echo "$usage" >&2 && exit 2; }
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 cd "$root"
 files=()
@@ -30,10 +31,15 @@ has_packages() {
   [[ -d web/node_modules/playwright-core && -e web/node_modules/typescript/bin/tsc && -x web/node_modules/.bin/esbuild ]]
 }
 if [[ $kind != prepare && $kind != core ]]; then
-  command -v chromium-headless-shell chromium >/dev/null || skip "no chromium"
+  if [[ $kind == firefox ]]; then
+    command -v firefox-esr >/dev/null || skip "no firefox-esr"
+    command -v xvfb-run >/dev/null || skip "no xvfb"
+  else
+    command -v chromium-headless-shell chromium >/dev/null || skip "no chromium"
+  fi
   has_packages || skip "no packages of npm in web/node_modules"
   case $kind in
-    browser) engine=() ;;
+    browser | firefox) engine=() ;;
     spark) engine=(@sparkjsdev/spark) ;;
     three) engine=(three iwer) ;;
     babylon) engine=(@babylonjs/core) ;;
@@ -105,9 +111,15 @@ case $kind in
   # A test of a browser may depend on which of two things comes first, and fail in one run of many. So files that fail
   # run once more, and fail if they fail again. The summary of all tests names those that failed at first. It reads
   # that from the first lines: of what a passing test prints, ctest keeps no more than 1024 bytes.
-  browser)
-    run() { node --test --test-timeout=2400000 --test-concurrency=2 "${files[@]}"; }
-    log=$work/first.${files[0]##*/}.log
+  browser | firefox)
+    display=()
+    if [[ $kind == firefox ]]; then
+      export L4D_BROWSER=firefox
+      # Without a display, Firefox has no WebGL.
+      display=(xvfb-run --auto-servernum --server-args="-screen 0 1600x1200x24")
+    fi
+    run() { "${display[@]}" node --test --test-timeout=2400000 --test-concurrency=2 "${files[@]}"; }
+    log=$work/first.$kind.${files[0]##*/}.log
     if run >"$log"; then
       cat "$log"
     else

@@ -6,7 +6,7 @@ import {chmodSync, copyFileSync, mkdirSync, mkdtempSync, readdirSync, readFileSy
 import {tmpdir} from 'node:os';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
-import {launch, newPage, serve, work} from './browser.js';
+import {browserName, launch, newPage, serve, work} from './browser.js';
 import * as servers from './servers.js';
 
 const root = process.env.L4D_ROOT ?? new URL('../..', import.meta.url).pathname;
@@ -27,7 +27,7 @@ before(async () => {
   writeFileSync(join(folder, 'blank.html'), '<!doctype html><link rel="icon" href="data:,">');
   place = {folder, work: temporary, certificate: servers.makeCertificate(temporary)};
   home = await serve({'scene.l4d': stream, 'blank.html': join(folder, 'blank.html')}, {headers: {'Content-Type': 'text/html'}});
-  browser = await launch({args: ['--ignore-certificate-errors']});
+  browser = await launch();
 });
 after(async () => {
   await browser?.close();
@@ -53,7 +53,7 @@ const play = (page, url) => page.evaluate(async address => {
 
 /** @param {string} url of the page @param {(page: any) => Promise<any>} fn */
 const onPage = async (url, fn) => {
-  const page = await newPage(browser);
+  const page = await newPage(browser, {ignoreHTTPSErrors: true});
   try {
     await page.goto(`${url}blank.html`);
     return await fn(page);
@@ -121,7 +121,7 @@ for (const [name, start] of Object.entries({
 
 /** What a server was asked for by two loads of a browser that has nothing of it yet. */
 async function loadTwice(server) {
-  const context = await browser.newContext();
+  const context = await browser.newContext({ignoreHTTPSErrors: true});
   try {
     const logs = [];
     for (let k = 0; k < 2; ++k) {
@@ -140,6 +140,10 @@ async function loadTwice(server) {
 
 test('what the browser has kept is good if the server says so', async t => {
   if (lacks('nginx')) return t.skip('no nginx (./dev setup web)');
+  if (browserName === 'Firefox') {
+    console.log('SKIPPED: what the browser has kept: Firefox keeps no parts of files');
+    return t.skip('Firefox keeps no parts of files');
+  }
   const server = await servers.nginx(place);
   try {
     // The browser drops what it has of a file where ranges of it arrive side by side, now and then.

@@ -5,7 +5,7 @@ import {execFileSync} from 'node:child_process';
 import {existsSync, mkdirSync, readdirSync, readFileSync, rmSync} from 'node:fs';
 import {join, relative} from 'node:path';
 import {after, before, test} from 'node:test';
-import {launch, newPage, serve, swipe, work} from './browser.js';
+import {complaints, launch, newPage, serve, swipe, work} from './browser.js';
 
 const root = process.env.L4D_ROOT, tool = process.env.L4D_TOOL, site = join(work, 'site'), data = join(work, 'site-data');
 const build = (folder, from) => execFileSync(
@@ -43,7 +43,7 @@ for (const [name, width, height] of [['a desktop', 1280, 800], ['a phone', 390, 
       }
       assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), width);
       assert.match(await page.textContent('article'), /[0-9.]+ MB, 8 s, 2 thousand Gaussians/);
-      assert.deepEqual(page.errors, []);
+      assert.deepEqual(await complaints(page), []);
     } finally {
       await page.close();
     }
@@ -68,7 +68,7 @@ test('on a phone one finger turns the scene or scrolls the page, and two fingers
     assert.deepEqual(await page.evaluate(() => [scrollY, visualViewport.scale]), [0, 1]);
     await swipe(page, [[[x, y + 60], [x, y - 60]]]);
     await page.waitForFunction(() => scrollY > 40);
-    assert.deepEqual(page.errors, []);
+    assert.deepEqual(await complaints(page), []);
   } finally {
     await page.close();
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `l4dcodec view` in Chromium: the player that is built into the tool, under the tool's own rules for pages.
+// `l4dcodec view` in browsers: the player that is built into the tool, under the tool's own rules for pages.
 import assert from 'node:assert/strict';
 import {spawn} from 'node:child_process';
 import {once} from 'node:events';
@@ -8,7 +8,7 @@ import {tmpdir} from 'node:os';
 import {join} from 'node:path';
 import {createInterface} from 'node:readline';
 import {test} from 'node:test';
-import {launch, newPage, opened, work} from './browser.js';
+import {complaints, launch, newPage, opened, work} from './browser.js';
 import {recording} from './recording.js';
 
 /** Runs the tool. url: '' where it ends at once. @param {string} input */
@@ -42,7 +42,7 @@ const withView = async (t, input, fn) => {
     const page = await newPage(browser, {viewport: {width: 320, height: 180}});
     await page.goto(url);
     await fn(page);
-    assert.deepEqual(page.errors, []);
+    assert.deepEqual(await complaints(page), []);
   } finally {
     await browser.close();
     tool.kill('SIGINT');

@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
-import {launch, serve, work} from '../../test/browser.js';
+import {complaints, launch, serve, work} from '../../test/browser.js';
 import {checkHiding, fidelities, madeCameras, openExample} from '../../test/engine-page.js';
 
 const stream = join(work, 'short.l4d');
@@ -90,5 +90,5 @@ test('what is disposed of is gone', async () => {
     return pixels.reduce((sum, v, k) => sum + (k % 4 === 3 ? 0 : v), 0);
   });
   assert.equal(lit, 0);
-  assert.deepEqual(page.errors, []);
+  assert.deepEqual(await complaints(page), []);
 });

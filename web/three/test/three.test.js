@@ -4,7 +4,7 @@ import assert from 'node:assert/strict';
 import {readFileSync} from 'node:fs';
 import {join} from 'node:path';
 import {after, before, test} from 'node:test';
-import {launch, root, serve, work} from '../../test/browser.js';
+import {complaints, launch, root, serve, work} from '../../test/browser.js';
 import {checkDisposal, checkHiding, fidelities, madeCameras, openExample, rendered} from '../../test/engine-page.js';
 
 const stream = join(work, 'short.l4d');
@@ -212,7 +212,7 @@ test('both eyes of a headset, which have one order', async () => {
     }
     console.log(`both eyes: ${found.map(v => v.toFixed(2)).join(', ')} dB, of ${sorts.length} pictures`);
     assert.ok(found.length === 2 && Math.min(...found) >= leastDb, found.join(' '));
-    assert.deepEqual(second.errors, []);
+    assert.deepEqual(await complaints(second), []);
   } finally {
     await second.close();
   }
