@@ -281,7 +281,7 @@ typedef struct l4d_gaussian_buffers {
    * L4D_TOOL_FLAT_WINDOWS. The mean time of a Gaussian with a window is the middle of it. */
   uint32_t* window;
   /* [N, (D+1)^2, 3] binary16, each the nearest to that of `sh` (ties to even), within +-65504: half
-   * the memory of `sh`, for those who upload to a GPU. The host decodes, whatever the backend. */
+   * the memory of `sh`, as GPUs take it. The host decodes, whatever the backend. */
   uint16_t* sh_half;
 } l4d_gaussian_buffers;
 

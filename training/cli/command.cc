@@ -99,6 +99,14 @@ void add_method(CLI::App* verb, Arguments& a) {
   verb->add_option("--scale-weight", s.scale_weight,
                    "Weight of the mean scale in the loss, in units of the radius of the cameras")
       ->capture_default_str();
+  verb->add_option(
+          "--entropy-weight", s.entropy_weight,
+          "Weight of the mean -o ln o of opacities o in the loss, which drives them to 0 or 1")
+      ->capture_default_str();
+  verb->add_option("--consistency-weight", s.consistency_weight,
+                   "Weight in the loss of how far the velocities of Gaussians are from the mean of "
+                   "their 8 neighbours', in radii of the cameras by the duration")
+      ->capture_default_str();
   verb->add_option("--max-scale", s.max_scale,
                    "The largest scale of a Gaussian, in units of the radius of the cameras")
       ->capture_default_str();

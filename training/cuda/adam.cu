@@ -92,8 +92,11 @@ __global__ void __launch_bounds__(kThreads)
     m.load(a.m, i);
     v.load(a.v, i);
     g.load(a.gradient, i);
-    const AdamArrays own{value.rows(),  m.rows(),       v.rows(),   g.rows(), a.shown + i,
-                         a.updates + i, a.prepared + i, a.born + i, a.id + i};
+    const AdamArrays own{value.rows(),   m.rows(),
+                         v.rows(),       g.rows(),
+                         a.shown + i,    a.updates + i,
+                         a.prepared + i, a.born + i,
+                         a.id + i,       a.motion == nullptr ? nullptr : a.motion + 3 * i};
     const RowShape shape = row_shape(s, own, 0);
     float sum = static_cast<float>(is_bad[t]);
     for_each_shape_number(s, own, 0, shape.span,

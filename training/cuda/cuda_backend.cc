@@ -119,6 +119,10 @@ class CudaBackend final : public PhasedBackend {
     use();
     check(model_.accumulate_weights(beta, stream_));
   }
+  void set_motion(std::vector<float> motion) override {
+    use();
+    check(model_.set_motion(motion, stream_));
+  }
   void keep(const std::vector<uint8_t>& mask) override {
     ModelState state = save();
     state.keep(mask);

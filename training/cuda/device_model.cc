@@ -155,6 +155,7 @@ Status DeviceModel::load(const ModelState& state, cudaStream_t stream) {
   L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(cumulative_.data(), state.cumulative.data(),
                                            state.cumulative.size() * sizeof(double),
                                            cudaMemcpyHostToDevice, stream));
+  L4D_RETURN_IF_ERROR(set_motion(state.motion, stream));
   L4D_RETURN_IF_ERROR(make_zero(n, stream, &shown_));
   L4D_RETURN_IF_ERROR(sh_updates_.reserve(std::max<size_t>(n, 1) * sizeof(ShUpdate)));
   L4D_RETURN_IF_ERROR(make_zero(3 * n * sizeof(float), stream, &covered_));
@@ -182,8 +183,24 @@ Status DeviceModel::save(ModelState* state, cudaStream_t stream) {
       download(cumulative_, static_cast<size_t>(sampled), stream, &state->cumulative));
   L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
   state->split_above = 0;
+  if (motion() != nullptr) {
+    L4D_RETURN_IF_ERROR(download(motion_, 3 * n, stream, &state->motion));
+    L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
+  }
   state->count = count;
   state->next_id = next_id;
+  return {};
+}
+
+Status DeviceModel::set_motion(const std::vector<float>& motion, cudaStream_t stream) {
+  has_motion_ = !motion.empty();
+  if (!has_motion_) return {};
+  L4D_RETURN_IF_ERROR(
+      make_zero(3 * static_cast<size_t>(capacity_) * sizeof(float), stream, &motion_));
+  L4D_RETURN_IF_CUDA_ERROR(cudaMemcpyAsync(motion_.data(), motion.data(),
+                                           motion.size() * sizeof(float), cudaMemcpyHostToDevice,
+                                           stream));
+  L4D_RETURN_IF_CUDA_ERROR(cudaStreamSynchronize(stream));
   return {};
 }
 
@@ -299,6 +316,7 @@ Status DeviceModel::swap_rows(const std::vector<uint8_t>& leaves, const ModelSta
                                               " Gaussians are to be in the back end, which holds " +
                                               std::to_string(capacity_));
   }
+  has_motion_ = false;
   L4D_RETURN_IF_ERROR(reserve_scratch());
   L4D_RETURN_IF_ERROR(
       indices_.reserve(std::max<size_t>(2 * static_cast<size_t>(capacity_), 1) * sizeof(uint32_t)));
@@ -318,7 +336,7 @@ uint64_t DeviceModel::bytes() const {
   for (const cuda::DeviceMemory& memory : columns_) bytes += memory.size();
   for (const cuda::DeviceMemory* memory :
        {&coverage_, &error_, &screen_gradient_, &covered_, &shown_, &cumulative_, &children_,
-        &copies_, &step_views_, &sh_updates_, &partial_, &scratch_, &indices_}) {
+        &copies_, &step_views_, &sh_updates_, &partial_, &scratch_, &indices_, &motion_}) {
     bytes += memory->size();
   }
   return bytes;
@@ -333,6 +351,7 @@ uint64_t DeviceModel::bytes_of_row(uint32_t sh_degree) {
   words += sizeof(ShUpdate) / sizeof(float);
   words += 2 + 4 + 1;               // running sums, children, copies
   words += sh_numbers(degree) + 2;  // scratch memory and indices
+  words += 3;                       // motions
   return words * sizeof(float) + 1;
 }
 
@@ -344,7 +363,7 @@ Rows<float> DeviceModel::rows(Group group) const {
 
 AdamArrays DeviceModel::adam_arrays() const {
   return {rows(kValue),     rows(kM),          rows(kV),      rows(kGradient), shown(),
-          column(kUpdates), column(kPrepared), column(kBorn), column(kId)};
+          column(kUpdates), column(kPrepared), column(kBorn), column(kId),     motion()};
 }
 
 DensityArrays DeviceModel::density_arrays() const {
@@ -361,6 +380,7 @@ DensityArrays DeviceModel::density_arrays() const {
   a.error = error_.as<float>();
   a.cumulative = cumulative_.as<double>();
   a.sampled = sampled;
+  a.motion = motion();
   return a;
 }
 

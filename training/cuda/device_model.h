@@ -27,6 +27,9 @@ class DeviceModel {
   // must be 0. Waits for the stream.
   Status swap_rows(const std::vector<uint8_t>& leaves, const ModelState& entering,
                    cudaStream_t stream, ModelState* left);
+  // [at most capacity, 3], or empty: none. Waits for the stream.
+  Status set_motion(const std::vector<float>& motion, cudaStream_t stream);
+  float* motion() const { return has_motion_ ? motion_.as<float>() : nullptr; }
   uint64_t bytes() const;  // on the device
   // Bytes of a row on the device, with what swap_rows() needs of memory.
   static uint64_t bytes_of_row(uint32_t sh_degree);
@@ -85,7 +88,8 @@ class DeviceModel {
   uint32_t sh_degree_ = 0;
   cuda::DeviceMemory arrays_[kGroups][kNumAttributes], columns_[kColumns];
   cuda::DeviceMemory coverage_, error_, screen_gradient_, covered_, shown_, step_views_,
-      sh_updates_, cumulative_, children_, copies_, partial_, scratch_, indices_;
+      sh_updates_, cumulative_, children_, copies_, partial_, scratch_, indices_, motion_;
+  bool has_motion_ = false;
   cuda::PinnedMemory staging_;
 };
 

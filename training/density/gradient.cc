@@ -24,6 +24,7 @@ DensityArrays arrays_of(ModelState* model) {
   a.id = model->id.data();
   a.last_shown = model->last_shown.data();
   a.coverage = model->coverage.data();
+  a.motion = model->motion.empty() ? nullptr : model->motion.data();
   a.error = model->error.data();
   return a;
 }

@@ -45,6 +45,7 @@ struct DensityArrays {
   // that showed the row, since the row was made or judged; null where nothing is split.
   float *time_gradient = nullptr, *time_magnitude = nullptr;
   uint32_t* time_visits = nullptr;
+  float* motion = nullptr;  // [capacity, 3] as in AdamArrays, or null
   // [sampled] running sums of the weights by which targets are drawn, renewed every kCycle steps.
   const double* cumulative;
   uint64_t sampled;

@@ -123,6 +123,7 @@ L4D_HOST_DEVICE inline void copy_row(const DensityStep& s, const DensityArrays& 
   copy(x.rotor, 8);
   copy(x.opacity, 1);
   copy(x.sh, 3 * (s.sh_degree + 1) * (s.sh_degree + 1));
+  if (a.motion != nullptr) copy(a.motion, 3);
   a.coverage[i] = a.coverage[target];
   a.error[i] = a.error[target];
 }

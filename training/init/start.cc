@@ -6,6 +6,7 @@
 #include <set>
 
 #include "libl4dcodec/scene/sh.h"
+#include "training/model/neighbours.h"
 #include "training/model/random.h"
 #include "training/step/schedule.h"
 

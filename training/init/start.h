@@ -60,7 +60,4 @@ std::vector<Point> first_points(const std::string& init, const Capture& capture,
 ModelState start_model(const Capture& capture, const std::vector<Point>& points,
                        const StartOptions& options);
 
-// Root mean square distance of each point to its `k` nearest neighbours. positions: [n, 3].
-std::vector<float> neighbour_distance(const std::vector<float>& positions, uint32_t k);
-
 }  // namespace l4d::train

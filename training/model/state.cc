@@ -47,6 +47,7 @@ void ModelState::keep(const std::vector<uint8_t>& mask) {
   count = static_cast<uint64_t>(
       std::count_if(whole.begin(), whole.end(), [](uint8_t kept) { return kept != 0; }));
   cumulative.clear();
+  motion.clear();
 }
 
 ModelState ModelState::rows(const std::vector<size_t>& which) const {

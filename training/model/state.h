@@ -35,6 +35,7 @@ struct ModelState {
   std::vector<uint32_t> time_visits;
   float split_above = 0;
   std::vector<double> cumulative;   // of the draw of targets; as long as the model was then
+  std::vector<float> motion;        // [capacity, 3] of AdamArrays, or empty
   std::vector<Exposure> exposures;  // of cameras
   uint64_t count = 0;
   uint32_t next_id = 0;

@@ -38,7 +38,10 @@ struct AdamStep {
   Rates rates;
   float opacity_weight = 0;  // loss gets opacity_weight mean(opacity)
   float scale_weight = 0;    // and scale_weight mean(spatial scales), per scene unit
-  float noise = 0;           // factor of the noise on positions; 0 = none
+  float entropy_weight = 0;  // and entropy_weight mean(-opacity ln opacity)
+  // And consistency_weight mean(|velocity - motion|_1) of the rows that have a motion.
+  float consistency_weight = 0;
+  float noise = 0;  // factor of the noise on positions; 0 = none
   // The range of values.
   float duration = 1;                             // T, s
   float time_begin = 0;                           // s
@@ -57,6 +60,8 @@ struct AdamArrays {
   uint32_t* prepared;    // [count] the step up to which momentum has been applied
   uint32_t* born;        // [count] the step at which the moments were 0
   const uint32_t* id;    // [count] stable ids: random numbers depend on them
+  // [count, 3] the mean velocity of a row's neighbours; NaN: not known. NULL: of no row.
+  const float* motion = nullptr;
 };
 
 // Rows [begin, end). A row whose derivatives are not all finite is left as it is; the number of

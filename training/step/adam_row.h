@@ -7,6 +7,7 @@
 #include "libl4dcodec/scene/slice.h"
 #include "training/model/random.h"
 #include "training/step/adam.h"
+#include "training/step/velocity_pull.h"
 
 // Adam for one row, on the host and on devices. Gaussians that a step does not show have a
 // derivative of zero: dense Adam still moves them by their momentum, lets their moments decay and
@@ -179,9 +180,18 @@ L4D_HOST_DEVICE inline void regularise_row(const AdamStep& s, const AdamArrays& 
   const float opacity = sigmoid(a.value.opacity[i]);
   const float per_row =
       u.repeats / static_cast<float>(s.model_count != 0 ? s.model_count : s.count);
-  a.gradient.opacity[i] += s.opacity_weight * per_row * opacity * (1 - opacity);
+  float slope = s.opacity_weight;
+  if (s.entropy_weight > 0) {
+    slope -= s.entropy_weight * (std::log(opacity > 1e-30f ? opacity : 1e-30f) + 1);
+  }
+  a.gradient.opacity[i] += slope * per_row * opacity * (1 - opacity);
   for (uint64_t k = 4 * i; k < 4 * i + 3; ++k) {
     a.gradient.log_scale[k] += s.scale_weight * per_row / 3 * std::exp(a.value.log_scale[k]);
+  }
+  if (s.consistency_weight > 0 && a.motion != nullptr && a.motion[3 * i] == a.motion[3 * i]) {
+    add_velocity_pull(a.value.rotor + 8 * i, a.value.log_scale + 4 * i, a.motion + 3 * i,
+                      s.consistency_weight * per_row, a.gradient.rotor + 8 * i,
+                      a.gradient.log_scale + 4 * i);
   }
 }
 

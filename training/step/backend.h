@@ -98,6 +98,9 @@ class Backend {
   virtual DensityChange change_density(const GradientStep& step) = 0;
   // Renews the weights by which targets are drawn.
   virtual void renew_weights(float beta) = 0;
+  // What AdamStep::consistency_weight pulls the rows to; it is forgotten where rows are removed or
+  // swapped. motion: [count, 3] of AdamArrays.
+  virtual void set_motion(std::vector<float> motion) = 0;
   // Removes the rows whose mask is 0. mask: [count].
   virtual void keep(const std::vector<uint8_t>& mask) = 0;
 

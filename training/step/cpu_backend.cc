@@ -190,6 +190,7 @@ class CpuBackend final : public PhasedBackend {
     a.error = state_.error.data();
     a.cumulative = state_.cumulative.data();
     a.sampled = state_.cumulative.size();
+    a.motion = state_.motion.empty() ? nullptr : state_.motion.data();
     add_time_statistics(&a);
     step.split_above = state_.split_above;
     const DensityChange change = train::change_density(step, a);
@@ -214,6 +215,10 @@ class CpuBackend final : public PhasedBackend {
     state_.split_above = split_threshold(a, state_.count);
   }
 
+  void set_motion(std::vector<float> motion) override {
+    motion.resize(3 * static_cast<size_t>(capacity()), 0);
+    state_.motion = std::move(motion);
+  }
   void keep(const std::vector<uint8_t>& mask) override { state_.keep(mask); }
 
   std::vector<RowSpan> spans() override { return spans_of(state_); }
@@ -263,6 +268,7 @@ class CpuBackend final : public PhasedBackend {
     a.prepared = state_.prepared.data();
     a.born = state_.born.data();
     a.id = state_.id.data();
+    a.motion = state_.motion.empty() ? nullptr : state_.motion.data();
     return a;
   }
 

@@ -34,6 +34,9 @@ class GroupBackend final : public Backend {
   void renew_weights(float beta) override {
     for_members([&](size_t k) { members_[k]->renew_weights(beta); });
   }
+  void set_motion(std::vector<float> motion) override {
+    for_members([&](size_t k) { members_[k]->set_motion(motion); });
+  }
   void keep(const std::vector<uint8_t>& mask) override {
     for_members([&](size_t k) { members_[k]->keep(mask); });
   }

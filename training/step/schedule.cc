@@ -50,6 +50,8 @@ AdamStep adam_step_at(const ScheduleOptions& o, double f, uint64_t seed, uint64_
   s.rates = rates_at(o, f);
   s.opacity_weight = static_cast<float>(o.opacity_weight);
   s.scale_weight = static_cast<float>(o.scale_weight / o.radius);
+  s.entropy_weight = static_cast<float>(o.entropy_weight);
+  s.consistency_weight = static_cast<float>(o.consistency_weight * o.duration / o.radius);
   s.noise = f < kDensityEnd ? static_cast<float>(kNoise) : 0.0f;
   s.duration = static_cast<float>(o.duration);
   s.time_begin = static_cast<float>(time_begin);

@@ -20,7 +20,9 @@ struct ScheduleOptions {
   // of the capture does not matter.
   double opacity_weight = 0.015;
   double scale_weight = 0.05;
-  double max_scale = 1;  // of Gaussians, in units of the radius
+  double entropy_weight = 0;
+  double consistency_weight = 0;  // of velocities in radii by the duration
+  double max_scale = 1;           // of Gaussians, in units of the radius
 };
 
 // The phases of f.

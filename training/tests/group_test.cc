@@ -137,6 +137,7 @@ class Faulty final : public PhasedBackend {
     return own_->change_density(step);
   }
   void renew_weights(float beta) override { own_->renew_weights(beta); }
+  void set_motion(std::vector<float> motion) override { own_->set_motion(std::move(motion)); }
   void keep(const std::vector<uint8_t>& mask) override { own_->keep(mask); }
   std::vector<RowSpan> spans() override { return own_->spans(); }
   ModelState swap_rows(const std::vector<uint8_t>& leaves, const ModelState& entering) override {

@@ -36,6 +36,7 @@ class Scripted final : public Backend {
   DensityChange change_density(DensityStep, uint64_t) override { return {}; }
   DensityChange change_density(const GradientStep&) override { return {}; }
   void renew_weights(float) override {}
+  void set_motion(std::vector<float>) override {}
   void keep(const std::vector<uint8_t>&) override {}
   std::vector<RowSpan> spans() override { return {}; }
   ModelState swap_rows(const std::vector<uint8_t>& leaves, const ModelState& entering) override {

@@ -5,9 +5,11 @@
 #include <numeric>
 
 #include "training/density/gradient.h"
+#include "training/density/motion.h"
 #include "training/density/relocate_row.h"
 #include "training/density/temporal_split.h"
 #include "training/init/start.h"
+#include "training/model/neighbours.h"
 #include "training/model/state.h"
 #include "training/step/adam_row.h"
 #include "training/step/schedule.h"
@@ -62,6 +64,87 @@ ScheduleOptions options() {
   o.fps = 10;
   o.sh_degree = 1;
   return o;
+}
+
+// What the regularisers of `s` add to the loss of the one row of a model, in double.
+double regularisers(const ModelState& model, const AdamStep& s, const float* motion) {
+  const double o = 1 / (1 + std::exp(-static_cast<double>(model.value.opacity[0])));
+  const Slice4D<double> slice =
+      slice_attributes<double>(model.value.rotor.data(), model.value.log_scale.data());
+  double apart = 0;
+  for (size_t c = 0; c < 3; ++c)
+    apart += std::abs(slice.velocity[c] - static_cast<double>(motion[c]));
+  return static_cast<double>(s.entropy_weight) * -o * std::log(o) +
+         static_cast<double>(s.consistency_weight) * apart;
+}
+
+// By central differences in double: rotors of any length, and opacities of either slope.
+TEST(Adam, RegularisersAreDerivatives) {
+  AdamStep s;
+  s.count = 1;
+  s.entropy_weight = 0.3f;
+  s.consistency_weight = 0.2f;
+  const float motion[3] = {0.05f, -0.3f, 0.2f};
+  for (const float logit : {-3.0f, -0.4f, 2.0f}) {
+    ModelState model = make_model(1, 1);
+    model.value.opacity[0] = logit;
+    for (size_t k = 0; k < 8; ++k) {
+      model.value.rotor[k] = 0.7f - 0.21f * static_cast<float>(k);
+      model.value.log_scale[k % 4] = -0.3f * static_cast<float>(k % 4);
+    }
+    Step step(&model);
+    step.arrays.motion = motion;
+    regularise_row(s, step.arrays, 0, RowUpdate{1, 1, 1, 1});
+    const auto expect_derivative = [&](float* number, float derivative) {
+      const float kept = *number, h = 1e-3f;
+      *number = kept + h;
+      const double above = regularisers(model, s, motion), far = static_cast<double>(*number);
+      *number = kept - h;
+      const double slope =
+          (above - regularisers(model, s, motion)) / (far - static_cast<double>(*number));
+      *number = kept;
+      EXPECT_NEAR(static_cast<double>(derivative), slope, 2e-6 + 1e-5 * std::abs(slope));
+    };
+    expect_derivative(&model.value.opacity[0], step.gradient.opacity[0]);
+    for (size_t k = 0; k < 4; ++k) {
+      expect_derivative(&model.value.log_scale[k], step.gradient.log_scale[k]);
+    }
+    for (size_t k = 0; k < 8; ++k) {
+      expect_derivative(&model.value.rotor[k], step.gradient.rotor[k]);
+    }
+  }
+}
+
+// A row has the mean velocity of the 8 nearest in space and time, until rows are removed.
+TEST(Motion, IsThatOfNeighbours) {
+  ModelState model = make_model(20, 24);
+  std::vector<Slice4D<float>> slices;
+  for (size_t i = 0; i < 20; ++i) {
+    // Ever farther apart, so that no two are as near.
+    model.value.position[3 * i] = static_cast<float>(i) + 0.01f * static_cast<float>(i * i);
+    model.value.position[3 * i + 1] = model.value.position[3 * i + 2] = 0;
+    model.value.mean_t[i] = 0;
+    model.value.rotor[8 * i + 4] = 0.01f * static_cast<float>(i);
+    slices.push_back(
+        slice_attributes<float>(&model.value.rotor[8 * i], &model.value.log_scale[4 * i]));
+  }
+  model.value.mean_t[4] = 100;  // far away in time
+  const std::vector<float> motion = neighbour_motion(model, 1);
+  ASSERT_EQ(motion.size(), 60U);
+  for (size_t c = 0; c < 3; ++c) {
+    float sum = 0;
+    for (const size_t i : {5U, 7U, 8U, 3U, 9U, 2U, 10U, 1U}) sum += slices[i].velocity[c];
+    EXPECT_EQ(motion[18 + c], sum / 8);
+  }
+  const std::unique_ptr<Backend> backend = make_cpu_backend(1);
+  backend->load(model, l4d_timeline{0, 40, 10, 1, 0});
+  backend->set_motion(motion);
+  std::vector<float> kept = backend->save().motion;
+  ASSERT_EQ(kept.size(), 72U);
+  kept.resize(60);
+  EXPECT_EQ(kept, motion);
+  backend->keep(std::vector<uint8_t>(20, 1));
+  EXPECT_TRUE(backend->save().motion.empty());
 }
 
 // Adam in double, as its authors write it.

@@ -318,7 +318,8 @@ for value in 0 -1 nan inf; do
   done
   expect 2 "--frames: it is" capture truth.ply -o x --frames $value
 done
-for option in --drift --error-weight --scale-weight --max-scale --opacity-weight --near; do
+for option in --drift --error-weight --scale-weight --max-scale --opacity-weight --near \
+  --entropy-weight --consistency-weight; do
   expect 2 "$option is .*; it must be" train "${options[@]}" -o x --steps 10 $option inf
 done
 expect 2 "--max-scale is .*; it must be" train "${options[@]}" -o x --steps 10 --max-scale 1e-30

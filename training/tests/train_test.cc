@@ -314,11 +314,13 @@ TEST(Checkpoint, NoticesEveryDamage) {
   checkpoint.model.allocate(3, 1);
   checkpoint.model.count = 2;
   checkpoint.model.exposures.resize(2);
+  checkpoint.model.motion = {1, 2, 3, 4, 5, 6, 0, 0, 0};
   checkpoint.run.step = 4;
   checkpoint.run.camera_loss = {0.5, 0.25};
   const std::vector<uint8_t> bytes = pack_checkpoint(checkpoint);
   const Checkpoint again = unpack_checkpoint("a", bytes);
   EXPECT_EQ(again.model.capacity(), 3U);
+  EXPECT_EQ(again.model.motion, checkpoint.model.motion);
   EXPECT_EQ(again.run.step, 4U);
   EXPECT_TRUE(pack_checkpoint(again) == bytes);
   for (size_t n = 0; n < bytes.size(); ++n) {

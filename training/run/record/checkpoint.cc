@@ -86,6 +86,12 @@ class Unpacker {
     if (out.size() != count) fail("the array " + array + " has another length than the model");
     return out;
   }
+  bool is_next(const std::string& array) const {
+    const uint32_t length = static_cast<uint32_t>(array.size());
+    return left() >= sizeof(length) + length &&
+           std::memcmp(bytes_.data() + at_, &length, sizeof(length)) == 0 &&
+           std::memcmp(bytes_.data() + at_ + sizeof(length), array.data(), length) == 0;
+  }
   void finish() {
     if (at_ != bytes_.size()) fail("there is more than a checkpoint");
   }
@@ -128,6 +134,8 @@ std::vector<uint8_t> pack_checkpoint(const Checkpoint& c) {
       model);
   out.add("split_above", &model.split_above, 1);
   out.add("cumulative", model.cumulative.data(), model.cumulative.size());
+  out.add("motion", model.motion.data(),
+          std::min<size_t>(model.motion.size(), 3 * static_cast<size_t>(model.count)));
   std::vector<double> exposures;
   for (const Exposure& e : model.exposures) {
     for (const auto* part : {&e.value, &e.m, &e.v}) {
@@ -179,6 +187,9 @@ Checkpoint unpack_checkpoint(const std::string& name, const std::vector<uint8_t>
   model.split_above = in.take<float>("split_above", 1)[0];
   model.cumulative = in.take<double>("cumulative");
   if (model.cumulative.size() > count) in.fail("there are more weights than rows");
+  if (in.is_next("motion")) model.motion = in.take<float>("motion");
+  if (!model.motion.empty() && model.motion.size() != 3 * count)
+    in.fail("the motions are not those of the rows");
   const std::vector<double> exposures = in.take<double>("exposures");
   if (exposures.size() % 37 != 0) in.fail("the exposures are cut off");
   for (size_t at = 0; at < exposures.size(); at += 37) {
@@ -193,6 +204,7 @@ Checkpoint unpack_checkpoint(const std::string& name, const std::vector<uint8_t>
   in.take<uint8_t>("end", 0);
   in.finish();
   // Only now, when all is known to be right: the rows that are free.
+  if (!model.motion.empty()) model.motion.resize(3 * static_cast<size_t>(capacity), 0);
   for_each_column([&](const std::string&, size_t numbers,
                       auto& column) { column.resize(static_cast<size_t>(capacity) * numbers); },
                   model);

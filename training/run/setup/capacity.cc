@@ -67,6 +67,7 @@ void settle_capacity(Settings* s, const BackendCost& cost, std::vector<std::stri
   };
   if (s->adam == "dense") refuse("--adam dense");
   if (s->density == "gradient") refuse("--density gradient");
+  if (s->consistency_weight > 0) refuse("--consistency-weight");
   notes->push_back("The back end holds " + std::to_string(s->resident) + " of " +
                    std::to_string(s->gaussians) +
                    " Gaussians: those that no window of images needs are kept elsewhere, and "

@@ -182,6 +182,8 @@ void check(const Settings& s) {
   need("--drift", s.drift, 0);
   need("--error-weight", s.error_weight, 0);
   need("--scale-weight", s.scale_weight, 0);
+  need("--entropy-weight", s.entropy_weight, 0);
+  need("--consistency-weight", s.consistency_weight, 0);
   need("--max-scale", s.max_scale, kLeastScale);
   if (s.opacity_weight != kAuto) need("--opacity-weight", s.opacity_weight, 0);
   if (!(s.near == kAuto || (s.near >= 0 && s.near < 10)))

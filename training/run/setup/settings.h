@@ -41,6 +41,8 @@ struct Settings {
   double near = kAuto;                       // cameras see nothing nearer, in units of their radius
   double opacity_weight = kAuto;             // regularisers: of the mean opacity
   double scale_weight = 0.05;                // of the mean scale, in units of the radius
+  double entropy_weight = 0;                 // of the mean entropy of opacities
+  double consistency_weight = 0;             // of how far neighbours' velocities are apart
   double max_scale = 1;                      // of Gaussians, of the radius
   uint64_t host_memory = uint64_t{8} << 30;  // bytes of images
   uint64_t device_memory = 0;                // bytes of the back end; 0 = auto
@@ -85,6 +87,8 @@ void for_each_setting(S& s, F&& f) {
   f("near", s.near);
   f("opacity_weight", s.opacity_weight);
   f("scale_weight", s.scale_weight);
+  f("entropy_weight", s.entropy_weight);
+  f("consistency_weight", s.consistency_weight);
   f("max_scale", s.max_scale);
   f("host_memory", s.host_memory);
   f("device_memory", s.device_memory);

@@ -9,6 +9,7 @@
 #include "eval/views/importance.h"
 #include "io/image/metrics.h"
 #include "libl4dcodec/scene/slice.h"
+#include "training/density/motion.h"
 #include "training/model/random.h"
 #include "training/run/train/output.h"
 #include "training/run/train/prune.h"
@@ -57,6 +58,8 @@ Trainer::Trainer(const Settings& settings, const Capture& capture, const ImageLo
   schedule_.sh_degree = settings.sh_degree;
   schedule_.drift = settings.drift;
   schedule_.scale_weight = settings.scale_weight;
+  schedule_.entropy_weight = settings.entropy_weight;
+  schedule_.consistency_weight = settings.consistency_weight;
   schedule_.max_scale = settings.max_scale;
   for (const Instant& instant : instants) {
     training_views_ += instant.views.size();
@@ -228,9 +231,15 @@ StepReport Trainer::advance() {
     if (!exposures_.empty()) update_exposures(output, views, f);
     watch_cameras(output, views);
     report.density = change_density(step, f);
+    renew_motion();
   }
   report.count = count();
   return report;
+}
+
+void Trainer::renew_motion() {
+  if (settings_.consistency_weight == 0 || state_.step % kMotionEvery != 0) return;
+  backend_->set_motion(neighbour_motion(backend_->save(), schedule_.radius / schedule_.duration));
 }
 
 void Trainer::update_exposures(const StepOutput& output, const std::vector<uint32_t>& views,

@@ -108,6 +108,7 @@ class Trainer {
  private:
   const Instant& choose_instant(uint64_t* visit) const;
   std::vector<uint32_t> choose_views(const Instant& instant, uint32_t index, uint64_t visit) const;
+  void renew_motion();  // what --consistency-weight pulls rows to
   void update_exposures(const StepOutput& output, const std::vector<uint32_t>& views, double f);
   void guard(const StepReport& report, const StepOutput& output,
              const std::vector<uint32_t>& views);
