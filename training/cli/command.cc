@@ -186,10 +186,11 @@ void add_train(CLI::App& app, Arguments& a) {
   verb->add_option("--views", s.views, "Views of a step (4; 1 for a moving camera)")
       ->check(above_zero);
   verb->add_option("--scale", s.scale, "Of images, 0 to 1")->capture_default_str();
-  verb->add_option(
-          "--init", s.init,
-          "Where Gaussians begin: frustum, hull (images with alpha), a PLY of points; auto "
-          "takes the capture's points, else the hull, else the frustum")
+  verb->add_option("--init", s.init,
+                   "Where Gaussians begin: frustum, hull (images with alpha), a PLY of points, or "
+                   "a folder of "
+                   "them with one for each frame (000012.ply); auto "
+                   "takes the capture's points, else the hull, else the frustum")
       ->capture_default_str();
   verb->add_option("--sh-degree", s.sh_degree, "0 to 3")->capture_default_str();
   verb->add_option("--exposure", s.exposure, "Colours of cameras: auto (on from 8 videos), on, off")

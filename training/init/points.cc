@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 
 #include "io/ply/ply.h"
 #include "training/init/start.h"
@@ -71,7 +72,9 @@ std::vector<Point> read_points(const std::string& path, std::vector<std::string>
   }
   const float divisor = divisor_of(reader);
   for (size_t c = 0; c < 3 && divisor != 0; ++c) column(kColours[c], &rgb, c, 3);
-  if (divisor == 0) notes->push_back(path + " has no red, green and blue; its points are grey.");
+  if (divisor == 0 && notes != nullptr) {
+    notes->push_back(path + " has no red, green and blue; its points are grey.");
+  }
   const bool has_time = column("t", &time, 0, 1);
   reader.read_rows(columns);
   std::vector<Point> points(n);
@@ -135,6 +138,10 @@ std::vector<Point> first_points(const std::string& init, const Capture& capture,
     }
   }
   if (init == "frustum" || init == "auto") return random_points(capture, count, seed);
+  std::error_code error;
+  if (std::filesystem::is_directory(init, error)) {
+    return noted(frame_points(init, capture, count, seed, notes));
+  }
   return noted(read_points(init, notes));
 }
 

@@ -20,7 +20,8 @@ enum class Use : uint32_t {
   kBackground = 6,
   kStart = 7,
   kWindows = 8,
-  kSplit = 9
+  kSplit = 9,
+  kPoints = 10
 };
 
 struct Random4 {

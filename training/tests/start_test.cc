@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 
 #include "io/camera/read_cameras.h"
 #include "training/tests/tiny_capture.h"
@@ -101,6 +103,45 @@ TEST(Start, PointsAreReadAsTheyAreOrNamed) {
   EXPECT_EQ(notes[4],
             "No camera sees any of the 1 points; they should be in the coordinates of the "
             "cameras.");
+}
+
+// A file for each frame: its points are of the frame's time, whatever t they have.
+TEST(Start, PointsOfFramesAreAtTheirTimes) {
+  const test::Folder folder;
+  Capture capture = capture_of_rig();
+  capture.views.clear();
+  for (uint32_t k = 0; k < 3; ++k) capture.views.push_back({0, 2 * k, 0.5 * k, ""});
+  const auto read = [&](uint64_t count, std::vector<std::string>* notes) {
+    return frame_points(folder / "", capture, count, 1, notes);
+  };
+  std::vector<std::string> notes;
+  EXPECT_THROW(read(10, &notes), io::Error);  // there are none
+  const std::string one = write_points(folder, "float", "0 0 2 9 0 0.25 1");
+  for (const char* name : {"p_0002.ply", "p_4.ply", "p_5.ply"}) {
+    std::filesystem::copy_file(one, folder / name);
+  }
+  EXPECT_THROW(read(10, &notes), io::Error);  // points.ply is of no frame
+  std::filesystem::remove(one);
+  const std::vector<Point> points = read(10, &notes);
+  ASSERT_EQ(points.size(), 2U);
+  EXPECT_EQ(points[0].time, 0.5f);
+  EXPECT_EQ(points[1].time, 1.0f);
+  EXPECT_TRUE(points[0].has_time && points[0].rgb[1] == 0.25f);
+  EXPECT_EQ(notes, std::vector<std::string>{"1 of 3 files of points are of frames that the capture "
+                                            "does not have."});
+  std::filesystem::copy_file(folder / "p_4.ply", folder / "p_004.ply");
+  EXPECT_THROW(read(10, &notes), io::Error);  // frame 4 twice
+  std::filesystem::remove(folder / "p_004.ply");
+  // Of many, about twice as many as are wanted, of each file alike.
+  std::ofstream many(folder / "p_0.ply");
+  many << "ply\nformat ascii 1.0\nelement vertex 3000\nproperty float x\nproperty float y\n"
+          "property float z\nend_header\n";
+  for (int i = 0; i < 3000; ++i) many << i << " 0 2\n";
+  many.close();
+  EXPECT_NEAR(static_cast<double>(read(300, &notes).size()), 202, 40);
+  capture.views.resize(1);
+  capture.views[0].frame = 7;
+  EXPECT_THROW(read(10, &notes), io::Error);
 }
 
 // TrainingNightly starts from these, and continuous integration does not run it.
