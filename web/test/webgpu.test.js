@@ -247,10 +247,17 @@ test('so it does without an adapter', () => withPlayer('backend="webgpu"', async
   Object.defineProperty(navigator, 'gpu', {configurable: true, value: {requestAdapter: () => Promise.resolve(null)}});
 }));
 
-gpuTest('auto leaves WebGPU on the processor alone', () => withPlayer('backend="auto"', async page => {
+gpuTest('a player takes no WebGPU on the processor unless it is told to', () => withPlayer('', async page => {
   const [backend, fallback] = await backendOf(page);
   assert.equal(backend, 'webgl2');
   assert.match(fallback, /on the processor/);
+}));
+
+gpuTest('but that of a graphics card', () => withPlayer('', async page => {
+  assert.deepEqual(await backendOf(page), ['webgpu', null, 'webgpu']);
+  assert.ok(await light(page) > 5);
+}, () => {
+  Object.defineProperty(GPUAdapter.prototype, 'info', {get: () => ({isFallbackAdapter: false})});
 }));
 
 gpuTest('rows grow, come and go', async () => {

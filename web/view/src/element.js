@@ -24,7 +24,7 @@ const playbacks = /** @type {const} */ (['once', 'loop', 'ping-pong']);
 
 /**
  * `<l4d-player src poster autoplay loop preload="none|metadata" loading="lazy" controls="none" playback="once|loop|ping-pong|auto"
- * camera="orbit|fly" gestures="all|page|none" detail="auto|base|full" backend="webgl2|webgpu|auto" reload="SECONDS" overlay lang>`, and what
+ * camera="orbit|fly" gestures="all|page|none" detail="auto|base|full" backend="auto|webgl2|webgpu" reload="SECONDS" overlay lang>`, and what
  * attributes.js and camera-element.js read: a player with controls. Events: 'open' (the movie is its detail), 'error' (an Error),
  * 'backend' (which one draws), 'camera-change', and those of media elements. `movie` and `view` are those of the packages.
  */
@@ -202,7 +202,7 @@ export class L4DPlayer extends CameraElement {
     if (present) return void await present.ready;
     const canvas = this.$('canvas');
     try {
-      const backend = /** @type {any} */ (this.getAttribute('backend') ?? undefined);
+      const backend = /** @type {any} */ (this.getAttribute('backend') ?? 'auto');
       const view = new View(canvas, {background: [0.043, 0.051, 0.063], backend});
       this.view = view;
       this.pointer = new PointerControls(canvas, view.orbit, () => { this.steered(); this.#awake(); }, () => this.toggle(),

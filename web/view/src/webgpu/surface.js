@@ -10,7 +10,8 @@ const requestDevice = async software => {
   if (!gpu) throw new Error('this browser has no WebGPU, or the page is not secure');
   const adapter = await gpu.requestAdapter({powerPreference: 'high-performance'});
   if (!adapter) throw new Error('WebGPU finds no adapter');
-  if (!software && adapter.info.isFallbackAdapter) throw new Error('WebGPU would draw on the processor');
+  const {info = adapter} = /** @type {any} */ (adapter);  // some have it here
+  if (!software && info.isFallbackAdapter) throw new Error('WebGPU would draw on the processor');
   const {maxStorageBufferBindingSize, maxBufferSize} = adapter.limits;
   return adapter.requestDevice({requiredLimits: {
     maxStorageBufferBindingSize: Math.min(maxStorageBufferBindingSize, wantedBinding),
