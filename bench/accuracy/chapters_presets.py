@@ -77,6 +77,14 @@ def details(tables, _):
                    ("instant, MB of memory", mebibytes("slice_memory_bytes"), ".1f")], rows)]
 
 
+def jod(tables, _):
+    rows = sorted(tables["jod"], key=lambda r: list(PURPOSES).index(r["name"]))
+    return ["JOD of ColorVideoVDP at `standard_4k`: 10 is no difference, and one less means that three of four people prefer the "
+            "scene's own video. Of the videos of four cameras, 30 frames in the middle of the scene, as `compare --cameras --jod` measures them.\n",
+            table([("preset", "name", ""), ("MB", megabytes, ".2f"), ("JOD, mean of cameras", "jod", ".2f"),
+                   ("worst camera", "min_jod", ".2f")], rows)]
+
+
 def device(tables, _):
     rows = tables["presets"]
     return ["The same scene on a CUDA device: seconds to measure importance to an agreement of "

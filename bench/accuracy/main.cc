@@ -25,6 +25,7 @@ struct Section {
 };
 constexpr Section kSections[] = {
     {"presets", run_presets},
+    {"jod", run_jod},
     {"device", run_device, true},
     {"ways", run_ways},
     {"device-ways", run_device_ways, true},

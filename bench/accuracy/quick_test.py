@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 
-SECTIONS = ("presets", "ways", "final", "rate", "sensitivity", "effort", "decoder", "renderer", "stages",
+SECTIONS = ("presets", "jod", "ways", "final", "rate", "sensitivity", "effort", "decoder", "renderer", "stages",
             "ablation", "codebooks", "thresholds", "rcq", "effects")
 # Only captured images fill it, and synthetic scenes have none.
 MAY_BE_EMPTY = {("final", "uncompressed")}
@@ -58,6 +58,9 @@ def relations(document):
         if not (row["decode_s"] > 0 and row["first_slice_s"] > 0 and row["encode_s"] > 0 and
                 row["slice_memory_bytes"] > 0):
             yield f"presets: took no time or no memory: {row}"
+    for row in rows(document, "jod", "jod"):
+        if not 0 < row["min_jod"] <= row["jod"] <= 10:
+            yield f"jod: implausible: {row}"
     for row in rows(document, "final", "codings"):
         if not (row["ratio"] > 1 and 20 < row["fidelity_db"] <= 100 and
                 row["min_view_db"] <= row["fidelity_db"]):

@@ -25,6 +25,7 @@ CHOICE = (("presets", "Which preset", chapters_presets.presets),
           ("device-ways", "What time buys on a CUDA device", chapters_ways.device_ways))
 ACCURACY = (
     ("presets", "Presets in detail", chapters_presets.details),
+    ("jod", "Presets to the eye", chapters_presets.jod),
     ("device", "Presets on a CUDA device", chapters_presets.device),
     ("final", "Quality, bytes and layers in detail", chapters.final),
     ("rate", "Fidelity against bytes", chapters_rate.rate),

@@ -7,6 +7,7 @@
 namespace l4d::bench {
 
 Json run_presets(Bench& bench);
+Json run_jod(Bench& bench);
 Json run_device(Bench& bench);  // fails where there is no CUDA device
 Json run_ways(Bench& bench);
 Json run_device_ways(Bench& bench);  // likewise
