@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 
 namespace l4d::train {
 namespace {
@@ -122,6 +123,11 @@ Shift shift_between(const io::Image& first, const io::Image& second,
       x = dx;
       y = dy;
     }
+  }
+  // What is best at the border of what was tried may be better beyond it, or is chance.
+  if (std::max(std::abs(x), std::abs(y)) == most) {
+    out.correlation = out.unmoved;
+    return out;
   }
   const double dx = top(correlation(a, b, x - 1, y), out.correlation, correlation(a, b, x + 1, y));
   const double dy = top(correlation(a, b, x, y - 1), out.correlation, correlation(a, b, x, y + 1));

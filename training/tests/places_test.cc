@@ -49,6 +49,22 @@ TEST(Shift, IsThatOfTheImage) {
   EXPECT_NEAR(shift_between(spoiled, noise(200, 90, 0, 0, 1), mask).x, 6, 0.2);
 }
 
+// Waves of 48 pixels, moved by 17: the best of up to 9 lies at the border, and says nothing.
+TEST(Shift, IsNoneAtTheBorderOfWhatIsTried) {
+  const auto waves = [](double shift) {
+    io::Image image(192, 40);
+    for (size_t i = 0; i < image.rgb.size(); ++i) {
+      const double x = static_cast<double>(i / 3 % 192) - shift;
+      image.rgb[i] = static_cast<float>(0.5 + 0.4 * std::sin(2 * 3.14159265358979 * x / 48));
+    }
+    return image;
+  };
+  const Shift found = shift_between(waves(17), waves(0), {});
+  EXPECT_EQ(found.x, 0);
+  EXPECT_EQ(found.correlation, found.unmoved);
+  EXPECT_NEAR(shift_between(waves(7), waves(0), {}).x, 7, 0.2);
+}
+
 // Turned about the vertical axis of the camera.
 void turn(l4d_camera* camera, double degrees) {
   const double a = degrees * 3.14159265358979323846 / 180, c = std::cos(a), s = std::sin(a);
