@@ -55,14 +55,15 @@ TEST(Shift, IsNoneAtTheBorderOfWhatIsTried) {
     io::Image image(192, 40);
     for (size_t i = 0; i < image.rgb.size(); ++i) {
       const double x = static_cast<double>(i / 3 % 192) - shift;
-      image.rgb[i] = static_cast<float>(0.5 + 0.4 * std::sin(2 * 3.14159265358979 * x / 48));
+      const double y = static_cast<double>(i / 3 / 192);
+      image.rgb[i] = static_cast<float>(0.5 + 0.3 * std::sin(2 * 3.14159265358979 * x / 48) +
+                                        0.1 * std::sin(0.9 * y + y * y / 40));
     }
     return image;
   };
   const Shift found = shift_between(waves(17), waves(0), {});
   EXPECT_EQ(found.x, 0);
   EXPECT_EQ(found.correlation, found.unmoved);
-  EXPECT_NEAR(shift_between(waves(7), waves(0), {}).x, 7, 0.2);
 }
 
 // Turned about the vertical axis of the camera.
