@@ -4,7 +4,6 @@
 #include "eval/jod/jod.h"
 
 #include <algorithm>
-#include <numeric>
 
 #include "bench/accuracy/sections.h"
 
@@ -14,22 +13,17 @@ namespace {
 constexpr uint32_t kFrames = 30, kQuickFrames = 3;  // in the middle of the scene
 constexpr size_t kCameras = 4;
 
-// By camera of the judge's views.
-std::vector<double> jods(const Judge& judge, const BenchScene& scene,
-                         const std::vector<size_t>& cameras, uint64_t frames,
-                         const std::vector<unsigned char>& file) {
-  const eval::JodDisplay* display = eval::find_jod_display("standard_4k");
-  std::vector<eval::JodMeter> meters;
-  for (const size_t k : cameras) {
-    const l4d_camera& camera = scene.cameras[k];
-    meters.emplace_back(camera.width, camera.height, frames, scene.fps, *display, 0, io::Hold());
+// Camera by camera.
+eval::CameraViews videos(const BenchScene& scene, uint32_t frames) {
+  eval::CameraViews out;
+  out.set = scene.set;
+  const uint32_t first = (scene.scene.timeline.num_frames - frames) / 2;
+  const size_t cameras = std::min(kCameras, scene.cameras.size());
+  for (size_t k = 0; k < cameras; ++k) {
+    for (uint32_t frame = first; frame < first + frames; ++frame) {
+      out.views.push_back({k * scene.cameras.size() / cameras, scene.time_of(frame), frame});
+    }
   }
-  judge.visit_file(file, [&](size_t index, const io::Image& original, const io::Image& render) {
-    const auto camera = std::find(cameras.begin(), cameras.end(), judge.camera(index));
-    meters[static_cast<size_t>(camera - cameras.begin())].add(render, original);
-  });
-  std::vector<double> out;
-  for (const eval::JodMeter& meter : meters) out.push_back(meter.jod());
   return out;
 }
 
@@ -37,23 +31,20 @@ std::vector<double> jods(const Judge& judge, const BenchScene& scene,
 
 Json run_jod(Bench& bench) {
   const BenchScene& scene = bench.real();
-  const uint32_t all = scene.scene.timeline.num_frames;
-  const uint32_t count = std::min(all, bench.quick() ? kQuickFrames : kFrames);
-  std::vector<uint32_t> frames(count);
-  std::iota(frames.begin(), frames.end(), (all - count) / 2);
-  const size_t some = std::min(kCameras, scene.cameras.size());
-  std::vector<size_t> cameras;
-  for (size_t k = 0; k < some; ++k) cameras.push_back(k * scene.cameras.size() / some);
-  const Judge judge(scene, frames, cameras);
+  const eval::CameraViews views = videos(
+      scene, std::min(scene.scene.timeline.num_frames, bench.quick() ? kQuickFrames : kFrames));
+  eval::Observer quiet;
+  eval::RenderedScene original({}, &scene.scene, scene.name);
   Json rows = Json::array();
   for (const std::string& name : bench.take(EncoderHandle::preset_names())) {
     const Encoded coded = encode(bench, scene, preset(name));
-    const std::vector<double> found = jods(judge, scene, cameras, count, coded.file);
-    const double sum = std::accumulate(found.begin(), found.end(), 0.0);
+    eval::RenderedScene stream({}, eval::StreamBytes{coded.file.data(), coded.file.size()}, name);
+    const eval::ImageComparison found = eval::compare_images(
+        original, stream, views, false, nullptr, 0, quiet, eval::find_jod_display("standard_4k"));
     bench.add(rows, {{"name", name},
                      {"bytes", coded.file.size()},
-                     {"jod", sum / static_cast<double>(found.size())},
-                     {"min_jod", *std::min_element(found.begin(), found.end())}});
+                     {"jod", found.mean_jod(&eval::CameraJod::jod)},
+                     {"min_jod", found.min_jod()}});
   }
   return {{"jod", rows}};
 }

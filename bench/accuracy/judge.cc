@@ -1,22 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bench/accuracy/judge.h"
 
-#include <numeric>
-#include <utility>
-
 namespace l4d::bench {
 namespace {
 
-eval::CameraViews views_at(const BenchScene& scene, const std::vector<uint32_t>& frames,
-                           std::vector<size_t> cameras) {
+eval::CameraViews views_at(const BenchScene& scene, const std::vector<uint32_t>& frames) {
   eval::CameraViews all;
   all.set = scene.set;
-  if (cameras.empty()) {
-    cameras.resize(scene.cameras.size());
-    std::iota(cameras.begin(), cameras.end(), size_t{0});
-  }
   for (const uint32_t frame : frames) {
-    for (const size_t camera : cameras) {
+    for (size_t camera = 0; camera < scene.cameras.size(); ++camera) {
       all.views.push_back({camera, scene.time_of(frame), frame});
     }
   }
@@ -36,10 +28,9 @@ eval::RenderedScene rendered(const std::vector<unsigned char>& file) {
 
 }  // namespace
 
-Judge::Judge(const BenchScene& scene, const std::vector<uint32_t>& frames,
-             std::vector<size_t> cameras)
+Judge::Judge(const BenchScene& scene, const std::vector<uint32_t>& frames)
     : original_({}, &scene.scene, scene.name),
-      meter_(original_, views_at(scene, frames, std::move(cameras)), keep_all(), quiet_) {}
+      meter_(original_, views_at(scene, frames), keep_all(), quiet_) {}
 
 io::Fidelity Judge::of_file(const std::vector<unsigned char>& file, bool with_ssim) const {
   eval::RenderedScene coded = rendered(file);

@@ -12,12 +12,10 @@ namespace l4d::bench {
 
 using eval::kMaxDecibels;
 
-// A meter whose views are those of a scene's cameras at some frames.
+// A meter whose views are all cameras of a scene at some frames.
 class Judge {
  public:
-  // cameras: indices in ascending order; empty: all.
-  Judge(const BenchScene& scene, const std::vector<uint32_t>& frames,
-        std::vector<size_t> cameras = {});
+  Judge(const BenchScene& scene, const std::vector<uint32_t>& frames);
 
   io::Fidelity of_file(const std::vector<unsigned char>& file, bool with_ssim = false) const;
   io::Fidelity of_scene(const io::Scene& scene, bool with_ssim = false) const;
