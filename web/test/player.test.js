@@ -419,6 +419,21 @@ test('players that are removed give their contexts back', () => withPlayer(async
   assert.ok(await light(page) > 1);
 }));
 
+test('a view that is given up before it draws leaves its canvas to the next', () => withPlayer(async page => {
+  const isLost = await page.evaluate(async () => {
+    const {View} = await import('/player.js');
+    const canvas = document.createElement('canvas');
+    const first = new View(canvas, {backend: 'auto'});
+    first.dispose();
+    const next = new View(canvas, {backend: 'auto'});
+    await Promise.all([first.ready, next.ready]);
+    const isLost = next.gl.isContextLost();
+    next.dispose();
+    return isLost;
+  });
+  assert.equal(isLost, false);
+}));
+
 test('wrong arguments and calls after the end are answered', () => withPlayer(async page => {
   const answers = await inPlayer(page, async player => {
     const {open, View} = await import('/player.js');

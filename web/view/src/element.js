@@ -20,6 +20,8 @@ import {addWords, changes, languageOf, Texts, watchLanguage, words} from './word
 const idleSeconds = 2.5;
 const scrubSteps = 500;  // of the timeline, while it is dragged
 const lostSeconds = 3;  // that a context may be lost, before the player gives it up
+/** A page may have few contexts, and one lives until its canvas is collected. @param {WebGL2RenderingContext | null | undefined} gl */
+const giveBack = gl => gl?.getExtension('WEBGL_lose_context')?.loseContext();
 const playbacks = /** @type {const} */ (['once', 'loop', 'ping-pong']);
 
 /**
@@ -189,10 +191,10 @@ export class L4DPlayer extends CameraElement {
     const gl = this.view?.gl;
     this.view?.dispose();
     Object.assign(this, {view: null, pointer: null});
-    // A page may have few contexts, and one lives until its canvas is collected. The next view has another canvas.
+    // The next view has another canvas.
     const canvas = this.$('canvas');
     canvas.replaceWith(canvas.cloneNode());
-    gl?.getExtension('WEBGL_lose_context')?.loseContext();
+    giveBack(gl);
   }
 
   /** Fails where nothing can draw. */
@@ -209,7 +211,10 @@ export class L4DPlayer extends CameraElement {
                                          event => this.#takes(event), event => void this.lookAtPoint(event.clientX, event.clientY));
       view.ondraw = () => { this.hotspots.place(); this.drawn(); };
       this.#setMode(this.getAttribute('camera') === 'fly' ? 'fly' : 'orbit');
-      this.dispatchEvent(new CustomEvent('backend', {detail: await view.ready}));
+      const detail = await view.ready;
+      // It was removed before it was known what draws; what drew by WebGPU has no such context.
+      if (this.view !== view) return giveBack(canvas.getContext('webgl2'));
+      this.dispatchEvent(new CustomEvent('backend', {detail}));
       this.removeAttribute('unsupported');
       const givesUp = () => { if (this.view === view && view.gl?.isContextLost()) void this.sleep(); };
       // A context that #dropView gave back is lost on purpose: a timer would keep the player in memory.

@@ -58,8 +58,6 @@ export class View extends SortedRows {
   #use(surface, fallback) {
     if (this.disposed) {
       surface.dispose();
-      // A page may have few contexts, and nobody else knows of this one.
-      if (surface instanceof GlSurface) surface.gl.getExtension('WEBGL_lose_context')?.loseContext();
       return surface.backend;
     }
     this.surface = surface;
