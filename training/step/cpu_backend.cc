@@ -508,7 +508,8 @@ BackendMemory CpuBackend::memory() const {
         arrays);
   };
   add(gradient_, &memory.model);
-  memory.model += shown_.size() + (coverage_.size() + error_.size()) * sizeof(float);
+  memory.model +=
+      shown_.size() + (coverage_.size() + error_.size() + state_.motion.size()) * sizeof(float);
   for (const std::unique_ptr<Slot>& slot : slots_) {
     add(slot->gradient, &memory.renderer);
     for (const auto* rows : {&slot->measured, &slot->screen_gradient, &slot->image,

@@ -82,6 +82,8 @@ MemoryNeed memory_need(const Settings& s, const Capture& capture, uint32_t threa
   const bool on_host = s.backend == "cpu";
   const uint64_t state = 3 * row + kStateBytes;
   need.model = s.gaussians * (kCopies * state + (on_host ? (1 + s.views) * row : 0));
+  // Motions, and what is made of them: a model that is copied out, places, velocities, an order.
+  if (s.consistency_weight > 0) need.model += s.gaussians * (state + 12 + 12 + 16 + 12 + 8);
   const uint64_t lists = std::min(kMaxLists, kListBytes * scaled);
   need.rendering = s.views * kStepBytes * scaled;
   if (on_host) need.rendering += s.views * (s.gaussians * (kRowBytes + 4 * sh) + lists);
