@@ -255,9 +255,10 @@ void check_options(const RunOptions& options) {
   }
   std::error_code error;
   if (!options.resume && !is_init_word(s.init) && !fs::exists(s.init, error)) {
-    throw Error(L4D_ERR_IO, "--init is " + s.init +
-                                ", and there is no such file; it must be a file of points, or "
-                                "auto, frustum or hull");
+    throw Error(L4D_ERR_IO,
+                "--init is " + s.init +
+                    ", and there is no such file; it must be a file of points, a folder "
+                    "with one for each frame, or auto, frustum or hull");
   }
 }
 
