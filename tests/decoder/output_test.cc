@@ -6,8 +6,8 @@
 
 #include "l4d/experimental/inspect.h"
 #include "l4d/experimental/packed.h"
-#include "libl4dcodec/base/half.h"
 #include "tests/common/codec.h"
+#include "tests/decoder/rows.h"
 
 namespace l4d {
 namespace {
@@ -83,12 +83,6 @@ TEST_P(Output, NothingBehindTheCountIsTouched) {
     got[i]->resize(n * dims[i]);
     EXPECT_TRUE(same_bits("array", *want[i], *got[i]));
   }
-}
-
-std::vector<uint16_t> halves_of(const std::vector<float>& values) {
-  std::vector<uint16_t> halves;
-  for (const float v : values) halves.push_back(float_to_half_saturate(v));
-  return halves;
 }
 
 TEST_P(Output, ShAsHalvesIsTheNearest) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "l4d/l4d.hpp"
+#include "libl4dcodec/base/half.h"
 #include "libl4dcodec/base/hash.h"
 #include "libl4dcodec/scene/slice.h"
 
@@ -27,6 +28,13 @@ inline uint64_t row(const GaussianArrays& a, size_t i) {
   add(a.opacity, 1);
   add(a.sh, sh);
   return h;
+}
+
+// The binary16 numbers that are the nearest to these.
+inline std::vector<uint16_t> halves_of(const std::vector<float>& values) {
+  std::vector<uint16_t> halves;
+  for (const float v : values) halves.push_back(float_to_half_saturate(v));
+  return halves;
 }
 
 using Rows = std::vector<uint64_t>;  // ascending
