@@ -104,29 +104,29 @@ export L4D_TOOL=$tool L4D_WASM=$root/build/wasm/bin/l4d.wasm
 export L4D_STREAMS=$work/long.l4d:$work/short.l4d:$work/indexed.l4d:$work/lossless.l4d:$work/frames.l4d
 L4D_STREAMS+=:$work/tiers.l4d:$work/dilated.l4d:$work/drawn.l4d
 export L4D_ROOT=$root L4D_WORK=$work
-# The timeout, in ms, is also that of a file.
+# A test of a browser may depend on which of two things comes first, and fail, or wait for ever, in one run of many. So
+# files that fail run once more, and fail if they fail again. The summary of all tests names those that failed at first. It
+# reads that from the first lines: of what a passing test prints, ctest keeps no more than 1024 bytes.
+in_browser() {
+  local log=$work/first.$kind.${files[0]##*/}.log
+  # A file takes a minute at most, also on a machine of two cores; at night Firefox takes all of them.
+  local run=("$@" timeout --kill-after=30 $((300 + 100 * ${#files[@]})) node --test --test-concurrency=2 "${files[@]}")
+  if "${run[@]}" >"$log"; then
+    cat "$log"
+  else
+    grep '^not ok' "$log" | sed 's/^not ok [0-9]* - /failed at first: /' || echo "failed at first: ${files[*]}"
+    cat "$log"
+    "${run[@]}"
+  fi
+}
 case $kind in
-  # They wait more than they compute.
+  # They wait more than they compute. The timeout, in ms, is also that of a file.
   core) node --test --test-timeout=900000 --test-concurrency=6 web/core/test/*.test.js web/view/test/*.test.js ;;
-  # A test of a browser may depend on which of two things comes first, and fail in one run of many. So files that fail
-  # run once more, and fail if they fail again. The summary of all tests names those that failed at first. It reads
-  # that from the first lines: of what a passing test prints, ctest keeps no more than 1024 bytes.
-  browser | firefox)
-    display=()
-    if [[ $kind == firefox ]]; then
-      export L4D_BROWSER=firefox
-      # Without a display, Firefox has no WebGL.
-      display=(xvfb-run --auto-servernum --server-args="-screen 0 1600x1200x24")
-    fi
-    run() { "${display[@]}" node --test --test-timeout=2400000 --test-concurrency=2 "${files[@]}"; }
-    log=$work/first.$kind.${files[0]##*/}.log
-    if run >"$log"; then
-      cat "$log"
-    else
-      grep '^not ok' "$log" | sed 's/^not ok [0-9]* - /failed at first: /' || echo "failed at first: ${files[*]}"
-      cat "$log"
-      run
-    fi
+  # Without a display, Firefox has no WebGL.
+  firefox) L4D_BROWSER=firefox in_browser xvfb-run --auto-servernum --server-args="-screen 0 1600x1200x24" ;;
+  browser) in_browser ;;
+  *)
+    files=("web/$kind"/test/*.test.js)
+    in_browser
     ;;
-  *) node --test --test-timeout=900000 --test-concurrency=1 "web/$kind"/test/*.test.js ;;
 esac
