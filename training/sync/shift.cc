@@ -9,8 +9,8 @@ namespace l4d::train {
 namespace {
 
 constexpr uint32_t kWidth = 320;  // pixels that are enough
-constexpr uint32_t kMost = 20;    // of the width, that a shift is at most
 constexpr uint32_t kBlur = 6;     // pixels on either side: what is larger goes
+constexpr uint32_t kLeastWidth = 40;
 constexpr double kLeastOverlap = 0.25;
 
 struct Grey {
@@ -105,14 +105,14 @@ double top(double before, double here, double after) {
 }  // namespace
 
 Shift shift_between(const io::Image& first, const io::Image& second,
-                    const std::vector<uint8_t>& mask) {
+                    const std::vector<uint8_t>& mask, double reach) {
   Shift out;
   const uint32_t step = std::max(1U, first.width / kWidth);
   Grey a = reduced(first, mask, step), b = reduced(second, {}, step);
-  if (a.width < 2 * kMost || a.height < 2) return out;
+  const auto most = std::max(2, static_cast<int32_t>(std::ceil(reach / step)));
+  if (a.width < kLeastWidth || a.height < 2) return out;
   sharpen(&a);
   sharpen(&b);
-  const auto most = static_cast<int32_t>(std::max(2U, a.width / kMost));
   int32_t x = 0, y = 0;
   out.correlation = out.unmoved = correlation(a, b, 0, 0);
   for (int32_t dy = -most; dy <= most; ++dy) {

@@ -15,10 +15,10 @@ struct Shift {
   double unmoved = 0;      // of both as they are
 };
 
-// Of less than a twentieth of the width; 0 where the best lies at that border. Exposure and what is
-// larger than some pixels do not matter. mask: [height, width] of pixels that count in the first
-// image; empty: all.
+// Of less than `reach` pixels; 0 where the best lies at that border. Exposure and what is larger
+// than some pixels do not matter. mask: [height, width] of pixels that count in the first image;
+// empty: all.
 Shift shift_between(const io::Image& first, const io::Image& second,
-                    const std::vector<uint8_t>& mask);
+                    const std::vector<uint8_t>& mask, double reach);
 
 }  // namespace l4d::train

@@ -3,6 +3,8 @@
 
 #include <gmock/gmock.h>
 
+#include <nlohmann/json.hpp>
+
 #include "training/run/train/output.h"
 #include "training/step/backend.h"
 #include "training/sync/shift.h"
@@ -29,10 +31,10 @@ TEST(Shift, IsThatOfTheImage) {
   for (const uint32_t scale : {1U, 2U}) {
     const uint32_t width = 200 * scale, height = 90;
     const io::Image one = noise(width, height, 0, 0, 1);
-    const Shift none = shift_between(one, noise(width, height, 0, 0, 0.5f), {});
+    const Shift none = shift_between(one, noise(width, height, 0, 0, 0.5f), {}, 10);
     EXPECT_NEAR(std::hypot(none.x, none.y), 0, 0.02);
     EXPECT_GT(none.unmoved, 0.99);
-    const Shift moved = shift_between(noise(width, height, 6, -4, 0.7f), one, {});
+    const Shift moved = shift_between(noise(width, height, 6, -4, 0.7f), one, {}, 10 * scale);
     EXPECT_NEAR(moved.x, 6, 0.2);
     EXPECT_NEAR(moved.y, -4, 0.2);
     EXPECT_GT(moved.correlation, moved.unmoved + 0.2);
@@ -46,7 +48,7 @@ TEST(Shift, IsThatOfTheImage) {
       spoiled.rgb[3 * (y * 200 + x)] = x % 2 == 0 ? 90.0f : -90.0f;
     }
   }
-  EXPECT_NEAR(shift_between(spoiled, noise(200, 90, 0, 0, 1), mask).x, 6, 0.2);
+  EXPECT_NEAR(shift_between(spoiled, noise(200, 90, 0, 0, 1), mask, 10).x, 6, 0.2);
 }
 
 // Waves of 48 pixels, moved by 17: the best of up to 9 lies at the border, and says nothing.
@@ -61,7 +63,7 @@ TEST(Shift, IsNoneAtTheBorderOfWhatIsTried) {
     }
     return image;
   };
-  const Shift found = shift_between(waves(17), waves(0), {});
+  const Shift found = shift_between(waves(17), waves(0), {}, 9);
   EXPECT_EQ(found.x, 0);
   EXPECT_EQ(found.correlation, found.unmoved);
 }
@@ -77,8 +79,26 @@ void turn(l4d_camera* camera, double degrees) {
   }
 }
 
-TEST(Places, OfTurnedCamerasAreNamedAndNoOthers) {
-  const Capture truth = read_capture(test::tiny_capture(), {});
+// The tiny capture by lenses of so many times the focal length.
+std::string capture_by_lenses(const test::Folder& folder, double longer) {
+  nlohmann::json cameras =
+      nlohmann::json::parse(test::bytes_of(test::tiny_capture() + "/cameras.json"));
+  for (nlohmann::json& camera : cameras["cameras"]) {
+    for (const size_t k : {0U, 1U}) camera["K"][k][k] = longer * camera["K"][k][k].get<double>();
+  }
+  std::ofstream(folder / "cameras.json") << cameras;
+  RenderCaptureOptions options;
+  options.camera_file = folder / "cameras.json";
+  options.frames = 1;
+  render_capture(folder / "capture", test::tiny_truth(), options);
+  return folder / "capture";
+}
+
+class Places : public testing::TestWithParam<double> {};
+
+TEST_P(Places, OfTurnedCamerasAreNamedAndNoOthers) {
+  const test::Folder folder;
+  const Capture truth = read_capture(capture_by_lenses(folder, GetParam()), {});
   for (const double degrees : {0.0, 2.0}) {
     Capture capture = truth;
     turn(&capture.cameras[6].source.camera, degrees);
@@ -100,6 +120,8 @@ TEST(Places, OfTurnedCamerasAreNamedAndNoOthers) {
     }
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(Lenses, Places, testing::Values(1.0, 2.5));
 
 }  // namespace
 }  // namespace l4d::train

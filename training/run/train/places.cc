@@ -15,6 +15,8 @@ namespace {
 constexpr size_t kCameras = 100, kLeastCameras = 5;
 constexpr double kLeastAngle = 0.5, kOfOthers = 4;           // degrees; times the median
 constexpr double kLeastCorrelation = 0.3, kLeastGain = 0.1;  // for a shift to be one
+// How far it looks: parts of the width, and degrees where a long lens shows few.
+constexpr double kLeastReach = 1.0 / 20, kReach = 3, kMostReach = 1.0 / 5;
 constexpr double kDegree = 3.14159265358979323846 / 180;
 
 // The first view of each training camera: of a video, no other frame is decoded for it.
@@ -48,11 +50,13 @@ std::map<uint32_t, std::string> notes_of_places(const Capture& capture, const Im
   std::vector<double> sorted;
   const auto look = [&](uint32_t view, const Pixels& pixels) {
     const uint32_t camera = capture.views[view].camera;
+    const l4d_camera& lens = loader.camera(camera);
+    const double reach = std::clamp(lens.fx * std::tan(kReach * kDegree), kLeastReach * lens.width,
+                                    kMostReach * lens.width);
     const Shift shift =
-        shift_between(image_of(pixels, background), render(view), loader.mask(camera));
+        shift_between(image_of(pixels, background), render(view), loader.mask(camera), reach);
     const bool is_one =
         shift.correlation >= kLeastCorrelation && shift.correlation >= shift.unmoved + kLeastGain;
-    const l4d_camera& lens = loader.camera(camera);
     angles[camera] =
         is_one ? std::atan(std::hypot(shift.x / lens.fx, shift.y / lens.fy)) / kDegree : 0;
     sorted.push_back(angles[camera]);
