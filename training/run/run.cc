@@ -107,8 +107,7 @@ class Run {
     settings_.preset = options_.preset;
     settings_.capture = absolute_path(settings_.capture);
     settings_.capture_hash = hash_of(capture_);
-    std::error_code error;
-    if (fs::is_regular_file(settings_.init, error)) settings_.init = absolute_path(settings_.init);
+    if (!is_init_word(settings_.init)) settings_.init = absolute_path(settings_.init);
   }
 
   // All that can be refused has been refused: the files of a run that was here go. They go when the

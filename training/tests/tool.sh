@@ -93,6 +93,9 @@ seen = sum(any(sees(camera, row[:3]) for camera in training) for row in rows)
 assert len(training) == 2 and seen > 0.7 * len(rows), seen
 END
 expect 0 "" train rig --init rig/points.ply -o pointed --gaussians 100 --sh-degree 0 --steps 3
+mkdir clouds && cp rig/points.ply clouds/0000.ply
+expect 0 "" train rig --init clouds/ -o clouded --gaussians 100 --sh-degree 0 --steps 3
+grep -qF "\"init\": \"$folder/clouds\"" clouded/settings.json || die "the folder of points is not named wherever one is"
 expect 3 "cannot" capture truth.ply -o none --cameras none.json
 [ "$(cat capture/cameras.json whole/scene.ply | cksum)" = "$before" ] || die "an input was replaced"
 

@@ -23,7 +23,7 @@ struct Settings {
   double seconds = 0;           // > 0: the clock decides when the training ends
   double stop_at = 0;           // dB of held-out, else training views that end it; 0 = none
   uint32_t views = 0;           // of a step; 0 = 4, or 1 for a moving camera
-  std::string init = "auto";    // auto, frustum, hull, or a PLY of points
+  std::string init = "auto";    // auto, frustum, hull, or points: a PLY, or a folder
   uint32_t sh_degree = 3;
   std::string exposure = "auto";             // auto, on, off
   std::string density = "relocate";          // relocate, gradient, off
