@@ -54,7 +54,8 @@ std::map<uint32_t, std::string> files_of(const std::string& folder) {
 }  // namespace
 
 std::vector<Point> frame_points(const std::string& folder, const Capture& capture, uint64_t count,
-                                uint64_t seed, std::vector<std::string>* notes) {
+                                uint64_t seed, const io::Hold& holder,
+                                std::vector<std::string>* notes) {
   std::map<uint32_t, double> times;
   for (const CaptureView& view : capture.views) times.emplace(view.frame, view.time);
   const std::map<uint32_t, std::string> files = files_of(folder);
@@ -69,11 +70,12 @@ std::vector<Point> frame_points(const std::string& folder, const Capture& captur
   // A training draws its Gaussians from twice as many: more of a file only take memory.
   const double most = std::max(1.0, 2 * static_cast<double>(count) / static_cast<double>(used));
   std::vector<Point> points;
+  const size_t noted = notes->size();  // what one file lacks, others may lack, too: one note
   for (const auto& [frame, path] : files) {
     const auto time = times.find(frame);
     if (time == times.end()) continue;
     const std::vector<Point> all =
-        read_points(path, frame == files.begin()->first ? notes : nullptr);
+        read_points(path, holder, notes->size() == noted ? notes : nullptr);
     const double share = most / static_cast<double>(all.size());
     for (size_t i = 0; i < all.size(); ++i) {
       const float drawn = uniform(philox(seed, frame, i, Use::kPoints).v[0]);

@@ -50,11 +50,13 @@ void check_point(const io::PlyReader& reader, const Point& p, size_t i) {
 
 }  // namespace
 
-std::vector<Point> read_points(const std::string& path, std::vector<std::string>* notes) {
-  io::PlyReader reader(io::InputFile(path), "vertex");
+std::vector<Point> read_points(const std::string& path, const io::Hold& holder,
+                               std::vector<std::string>* notes) {
+  io::PlyReader reader(io::InputFile(path, holder), "vertex");
   const io::PlyElement& element = reader.element();
   std::vector<io::PlyColumn> columns;
   const size_t n = static_cast<size_t>(element.count);
+  const auto memory = io::hold(holder, n * (7 * sizeof(float) + sizeof(Point)), path);
   std::vector<float> xyz(3 * n), rgb(3 * n, 0.5f), time(n);
   const auto column = [&](const char* name, std::vector<float>* to, size_t first, size_t stride) {
     const size_t property = element.find(name);
@@ -123,7 +125,7 @@ bool is_init_word(const std::string& init) {
 std::vector<Point> first_points(const std::string& init, const Capture& capture,
                                 const ImageLoader& loader, const std::vector<Instant>& instants,
                                 const ImageStore& store, uint64_t count, uint64_t seed,
-                                std::vector<std::string>* notes) {
+                                const io::Hold& holder, std::vector<std::string>* notes) {
   const auto noted = [&](std::vector<Point> points) {
     note_points(capture, points, notes);
     return points;
@@ -140,9 +142,9 @@ std::vector<Point> first_points(const std::string& init, const Capture& capture,
   if (init == "frustum" || init == "auto") return random_points(capture, count, seed);
   std::error_code error;
   if (std::filesystem::is_directory(init, error)) {
-    return noted(frame_points(init, capture, count, seed, notes));
+    return noted(frame_points(init, capture, count, seed, holder, notes));
   }
-  return noted(read_points(init, notes));
+  return noted(read_points(init, holder, notes));
 }
 
 }  // namespace l4d::train

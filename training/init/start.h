@@ -21,14 +21,17 @@ struct StartOptions {
 };
 
 // x, y, z, optionally red, green, blue (uchar, or float in [0, 1]) and t (s) of the element
-// `vertex`. Throws io::Error. Points without colours are noted, unless notes is null.
-std::vector<Point> read_points(const std::string& path, std::vector<std::string>* notes);
+// `vertex`. Throws io::Error. Points without colours are noted, unless notes is null. holder:
+// counts what reading takes, which is more than the points.
+std::vector<Point> read_points(const std::string& path, const io::Hold& holder,
+                               std::vector<std::string>* notes);
 
 // The points of the PLY files of a folder, each at the time of the frame that its name ends with:
 // 000012.ply. About 2 `count` of them, as many of each file. Throws io::Error. Files of frames that
 // the capture does not have are left out, and noted.
 std::vector<Point> frame_points(const std::string& folder, const Capture& capture, uint64_t count,
-                                uint64_t seed, std::vector<std::string>* notes);
+                                uint64_t seed, const io::Hold& holder,
+                                std::vector<std::string>* notes);
 
 // Notes points that are of another time than the capture, and where no camera sees any.
 void note_points(const Capture& capture, const std::vector<Point>& points,
@@ -53,13 +56,13 @@ std::vector<Point> hull_points(const Capture& capture, const ImageLoader& loader
 
 // Whether it is one of the words of first_points(), and not a file.
 bool is_init_word(const std::string& init);
-// The points that `init` names: "capture", "hull", "frustum", "auto", which is the hull or, without
-// alpha, random points, or else a file, or a
-// folder with a file for each frame. Throws io::Error.
+// The points that `init` names: "capture", "hull", "frustum" (random points), a file, or a folder
+// with a file for each frame. "auto" is the hull where images have alpha, and random points
+// elsewhere. Throws io::Error.
 std::vector<Point> first_points(const std::string& init, const Capture& capture,
                                 const ImageLoader& loader, const std::vector<Instant>& instants,
                                 const ImageStore& store, uint64_t count, uint64_t seed,
-                                std::vector<std::string>* notes);
+                                const io::Hold& holder, std::vector<std::string>* notes);
 
 // Gaussians at the points: as many as `options.count`, drawn from them. The scale is the root mean
 // square distance to 3 neighbours, times live around the time of a point that has one, else for a

@@ -212,7 +212,7 @@ class Run {
     std::vector<std::string> notes;
     std::vector<Point> points =
         first_points(settings_.init, capture_, *parts_.loader, parts_.instants, *parts_.store,
-                     start.count, settings_.seed, &notes);
+                     start.count, settings_.seed, parts_.budget.holder(), &notes);
     parts_.say(notes);
     const size_t found = points.size();
     const uint64_t added = fill_up(capture_, start.count, settings_.seed, &points);

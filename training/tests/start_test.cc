@@ -79,7 +79,7 @@ TEST(Start, PointsAreReadAsTheyAreOrNamed) {
   std::vector<std::string> notes;
   const auto read = [&](const std::string& path) {
     try {
-      const std::vector<Point> points = read_points(path, &notes);
+      const std::vector<Point> points = read_points(path, {}, &notes);
       note_points(capture_of_rig(), points, &notes);
       return points.at(0).rgb[1];
     } catch (const io::Error& error) {
@@ -112,7 +112,7 @@ TEST(Start, PointsOfFramesAreAtTheirTimes) {
   capture.views.clear();
   for (uint32_t k = 0; k < 3; ++k) capture.views.push_back({0, 2 * k, 0.5 * k, ""});
   const auto read = [&](uint64_t count, std::vector<std::string>* notes) {
-    return frame_points(folder / "", capture, count, 1, notes);
+    return frame_points(folder / "", capture, count, 1, {}, notes);
   };
   std::vector<std::string> notes;
   EXPECT_THROW(read(10, &notes), io::Error);  // there are none
@@ -139,6 +139,18 @@ TEST(Start, PointsOfFramesAreAtTheirTimes) {
   for (int i = 0; i < 3000; ++i) many << i << " 0 2\n";
   many.close();
   EXPECT_NEAR(static_cast<double>(read(300, &notes).size()), 202, 40);
+  // What files lack is noted once, whichever of them is the first that is used.
+  std::filesystem::copy_file(folder / "p_0.ply", folder / "p_2.ply");
+  std::filesystem::remove(folder / "p_0002.ply");
+  capture.views.erase(capture.views.begin());
+  notes.clear();
+  read(10, &notes);
+  EXPECT_EQ(notes.size(), 2U);
+  EXPECT_EQ(notes[0], (folder / "p_2.ply") + " has no red, green and blue; its points are grey.");
+  // Reading is counted: more than the points take.
+  const io::MemoryBudget budget("--limit-memory", 3000 * sizeof(Point));
+  EXPECT_THROW(read_points(folder / "p_2.ply", budget.holder(), &notes), io::Error);
+  EXPECT_EQ(budget.held(), 0U);
   capture.views.resize(1);
   capture.views[0].frame = 7;
   EXPECT_THROW(read(10, &notes), io::Error);
@@ -149,7 +161,7 @@ TEST(Start, TruePointsAreRead) {
   const test::Folder folder;
   test::write_true_points(folder / "points.ply");
   std::vector<std::string> notes;
-  EXPECT_EQ(read_points(folder / "points.ply", &notes).size(), 3000U);
+  EXPECT_EQ(read_points(folder / "points.ply", {}, &notes).size(), 3000U);
   EXPECT_TRUE(notes.empty());
 }
 
