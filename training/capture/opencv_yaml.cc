@@ -9,6 +9,9 @@
 namespace l4d::train {
 namespace {
 
+// What a byte of text takes at most: as an empty line, which is 32 bytes of a list that doubles.
+constexpr uint64_t kTextBytes = 128;
+
 std::string trimmed(const std::string& text) {
   const size_t begin = text.find_first_not_of(" \t\r");
   if (begin == std::string::npos) return "";
@@ -23,9 +26,12 @@ std::string unquoted(const std::string& text) {
 
 class Reader {
  public:
-  explicit Reader(const std::string& path) : path_(path) {
-    const std::vector<uint8_t> bytes = io::read_whole_file(path);
-    std::istringstream text(std::string(bytes.begin(), bytes.end()));
+  Reader(const std::string& path, const io::Hold& holder) : path_(path) {
+    io::InputFile file(path, holder);
+    memory_ = io::hold(holder, kTextBytes * file.size(), path);
+    std::string bytes(static_cast<size_t>(file.size()), '\0');
+    bytes.resize(file.read(bytes.data(), bytes.size()));
+    std::istringstream text(bytes);
     for (std::string line; std::getline(text, line);) lines_.push_back(line);
   }
 
@@ -95,12 +101,15 @@ class Reader {
   // From '[' to ']', which may be lines later.
   std::vector<double> read_list(std::string text) {
     if (text.empty() || text[0] != '[') fail("a list begins with [");
-    while (text.find(']') == std::string::npos) {
+    size_t end = text.find(']');
+    while (end == std::string::npos) {
       if (++at_ == lines_.size()) fail("a list does not end");
+      const size_t before = text.size();
       text += " " + trimmed(lines_[at_]);
+      end = text.find(']', before);
     }
     std::vector<double> numbers;
-    std::istringstream items(text.substr(1, text.find(']') - 1));
+    std::istringstream items(text.substr(1, end - 1));
     for (std::string item; std::getline(items, item, ',');) {
       double number = 0;
       if (trimmed(item).empty()) continue;
@@ -131,6 +140,7 @@ class Reader {
   }
 
   std::string path_;
+  std::shared_ptr<void> memory_;
   std::vector<std::string> lines_;
   size_t at_ = 0;
   YamlFile file_;
@@ -138,6 +148,8 @@ class Reader {
 
 }  // namespace
 
-YamlFile read_opencv_yaml(const std::string& path) { return Reader(path).read(); }
+YamlFile read_opencv_yaml(const std::string& path, const io::Hold& holder) {
+  return Reader(path, holder).read();
+}
 
 }  // namespace l4d::train

@@ -40,8 +40,8 @@ class SelfcapReader {
   SelfcapReader(const std::string& folder, const io::Hold& holder)
       : folder_(folder),
         holder_(holder),
-        intrinsics_(read_opencv_yaml((folder_ / "intri.yml").string())),
-        extrinsics_(read_opencv_yaml((folder_ / "extri.yml").string())) {}
+        intrinsics_(read_opencv_yaml((folder_ / "intri.yml").string(), holder)),
+        extrinsics_(read_opencv_yaml((folder_ / "extri.yml").string(), holder)) {}
 
   io::CameraSet read() {
     const CameraPlace file{(folder_ / "intri.yml").string(), ""};

@@ -703,22 +703,27 @@ TEST(Layouts, SelfcapOffsets) {
   expect_error(folder / "s", L4D_ERR_CORRUPT, "sync.json: an object has a key twice");
 }
 
-// What a table becomes is counted before it is parsed.
-TEST(Layouts, TomlIsCounted) {
+// What calibrations become is counted before they are parsed.
+TEST(Layouts, CalibrationsAreCounted) {
   const test::Folder folder;
   write_text(folder / "calib.toml", "x = [" + std::string(2000, ' ') + "]\n");
+  write_text(folder / "s/intri.yml", "a:" + std::string(2000, '\n'));
+  write_text(folder / "s/extri.yml", "a:\n");
   CaptureOptions options;
-  for (const uint64_t limit : {uint64_t{100000}, uint64_t{1} << 20}) {
-    const io::MemoryBudget budget("--limit-memory", limit);
-    options.holder = budget.holder();
-    try {
-      read_capture(folder / "calib.toml", options);
-      ADD_FAILURE() << "it has no camera";
-    } catch (const io::Error& error) {
-      EXPECT_EQ(error.status(), limit < (1 << 20) ? L4D_ERR_LIMIT_EXCEEDED : L4D_ERR_CORRUPT);
-      EXPECT_THAT(error.what(), HasSubstr("calib.toml"));
+  for (const auto& [path, file] :
+       {std::make_pair("calib.toml", "calib.toml"), {"s", "intri.yml"}}) {
+    for (const uint64_t limit : {uint64_t{100000}, uint64_t{1} << 20}) {
+      const io::MemoryBudget budget("--limit-memory", limit);
+      options.holder = budget.holder();
+      try {
+        read_capture(folder / path, options);
+        ADD_FAILURE() << "it has no camera";
+      } catch (const io::Error& error) {
+        EXPECT_EQ(error.status(), limit < (1 << 20) ? L4D_ERR_LIMIT_EXCEEDED : L4D_ERR_CORRUPT);
+        EXPECT_THAT(error.what(), HasSubstr(file));
+      }
+      EXPECT_EQ(budget.held(), 0U);
     }
-    EXPECT_EQ(budget.held(), 0U);
   }
 }
 
