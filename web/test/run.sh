@@ -109,7 +109,7 @@ export L4D_ROOT=$root L4D_WORK=$work
 # reads that from the first lines: of what a passing test prints, ctest keeps no more than 1024 bytes.
 in_browser() {
   local log=$work/first.$kind.${files[0]##*/}.log
-  # A file takes a minute at most, also on a machine of two cores; at night Firefox takes all of them.
+  # A file takes about a minute on two cores; at night Firefox gets all of them at once.
   local run=("$@" timeout --kill-after=30 $((300 + 100 * ${#files[@]})) node --test --test-concurrency=2 "${files[@]}")
   if "${run[@]}" >"$log"; then
     cat "$log"
