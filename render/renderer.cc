@@ -2,6 +2,7 @@
 #include "render/renderer.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <string>
@@ -11,6 +12,7 @@
 #include "render/cpu/fast/fast.h"
 #include "render/cpu/reference.h"
 #include "render/frame/project_gradient.h"
+#include "render/frame/view_gradient.h"
 #include "render/view/camera.h"
 
 namespace l4d::render {
@@ -232,7 +234,8 @@ bool back_to_slice(const View<double>& view, const Slice3D<double>& slice, uint3
   for (size_t k = 0; k < 3; ++k) g.color[k] = static_cast<double>(by_splat.color[k]);
   g.opacity = static_cast<double>(by_splat.opacity);
   geometry_gradient(view, slice.covariance, projection, g, slice.opacity, out);
-  shade_gradient(view, sh_degree, slice.position, sh, g.color, true, out->position, sh_gradient);
+  shade_gradient(view, sh_degree, slice.position, sh, g.color, true, out->direction, sh_gradient);
+  for (size_t k = 0; k < 3; ++k) out->position[k] += out->direction[k];
   return true;
 }
 }  // namespace
@@ -247,6 +250,10 @@ void Renderer::add_gradients(Path<T>& path, const View<double>& view, l4d_gradie
   const auto of = [](float* base, size_t i, size_t n) {
     return base == nullptr ? nullptr : base + n * i;
   };
+  // By chunks of Gaussians, so that sums do not depend on threads.
+  using ViewSums = std::array<double, kViewNumbers>;
+  std::vector<ViewSums> by_view(out->view == nullptr ? 0
+                                                     : path.frame.count() / kProjectionGrain + 1);
   parallel_for(threads_, path.frame.count(), kProjectionGrain, [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
       if (!(path.gradients.coverage[i] > 0)) continue;
@@ -254,7 +261,8 @@ void Renderer::add_gradients(Path<T>& path, const View<double>& view, l4d_gradie
       double sh[3 * kMaxShTerms] = {};
       const size_t id = path.frame.id[i];
       const Gaussian4D<double> gaussian = attributes<double>(id);
-      if (!back_to_slice(view, slice_at(gaussian, at), path.frame.sh_degree, path.frame.sh[i],
+      const Slice3D<double> slice = slice_at(gaussian, at);
+      if (!back_to_slice(view, slice, path.frame.sh_degree, path.frame.sh[i],
                          path.gradients.splat[i], &by_slice, out->sh != nullptr ? sh : nullptr)) {
         continue;
       }
@@ -265,8 +273,17 @@ void Renderer::add_gradients(Path<T>& path, const View<double>& view, l4d_gradie
       add(of(out->rotor, id, 8), g.rotor, 8);
       add(of(out->opacity, id, 1), &g.opacity, 1);
       add(of(out->sh, id, sh_dim), sh, sh_dim);
+      if (out->view == nullptr) continue;
+      ViewSums own{};
+      add_view_gradient(view, slice.position, slice.covariance, by_slice, g.time, own.data());
+      if (!std::all_of(own.begin(), own.end(), [](double v) { return std::isfinite(v); })) continue;
+      ViewSums& sums = by_view[begin / kProjectionGrain];
+      for (size_t k = 0; k < sums.size(); ++k) sums[k] += own[k];
     }
   });
+  for (const ViewSums& sums : by_view) {
+    for (size_t k = 0; k < sums.size(); ++k) out->view[k] += sums[k];
+  }
 }
 
 template <typename T>
@@ -328,7 +345,8 @@ Status Renderer::backward(const l4d_camera& camera, const float* rgb_gradient,
         path.rasterizer->backward(path.frame, view, background_, input, &path.gradients, &stats_));
     const View<double> exact = make_view<double>(camera, rendering());
     if (gradients->position == nullptr && gradients->mean_t == nullptr &&
-        gradients->log_scale == nullptr && gradients->rotor == nullptr) {
+        gradients->log_scale == nullptr && gradients->rotor == nullptr &&
+        gradients->view == nullptr) {
       add_light_gradients(path, exact, gradients);
     } else {
       add_gradients(path, exact, gradients);

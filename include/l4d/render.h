@@ -158,6 +158,10 @@ typedef struct l4d_gradients {
   float* rotor;     /* [N, 8] */
   float* opacity;   /* [N] */
   float* sh;        /* [N, (D+1)^2, 3] */
+  /* [9] by what the view is of: its time (1/s); a rotation vector w (rad) and a shift m (scene
+   * units), both along the camera's axes, by which its world_to_camera x becomes exp([w]) x + m;
+   * ln fx; ln fy. Gaussians whose own are not finite add nothing. */
+  double* view;
 } l4d_gradients;
 
 /* Backward pass of one view at the time of the last set_time. rgb_gradient: [height, width, 3], the

@@ -59,6 +59,7 @@ struct Frame {
 template <typename T>
 struct SplatGradient3D {
   T position[3]{};
+  T direction[3]{};   // the part of it that is of the colour, which the direction alone changes
   T covariance[6]{};  // of xy, xz, yz: by the number itself, which stands for both places
   T opacity{};
 };

@@ -32,6 +32,7 @@ struct Gradient4D {
   T log_scale[4]{};
   T rotor[8]{};
   T opacity{};
+  T time{};  // by the instant itself
 };
 
 // Gaussian i; its mean time is counted from `origin`.
@@ -199,6 +200,7 @@ L4D_HOST_DEVICE Gradient4D<T> slice_gradient(const Gaussian4D<T>& g, const Insta
   out.opacity = opacity_gradient(g, instant, lambda, gradient.opacity);
   const T shown = g.flat ? 0 : gradient.opacity * linear * left;
   out.mean_t = shown * lambda * dt;
+  out.time = -out.mean_t;
   const T by_lambda = clamped ? 0 : -shown * (dt * dt) / 2;
 
   // position(t) = position + velocity (t - t_ref)
@@ -209,6 +211,7 @@ L4D_HOST_DEVICE Gradient4D<T> slice_gradient(const Gaussian4D<T>& g, const Insta
   for (int i = 0; i < 3; ++i) {
     out.position[i] = gradient.position[i];
     by_velocity[i] = gradient.position[i] * elapsed;
+    out.time += gradient.position[i] * s.velocity[i];
     if (moves_reference) out.mean_t -= gradient.position[i] * s.velocity[i];
   }
 

@@ -33,7 +33,7 @@ L4D_FIELD(l4d_camera, fx, 16);
 L4D_FIELD(l4d_camera, world_to_camera, 48);
 L4D_FIELD(l4d_camera, near_plane, 144);
 L4D_LAYOUT(l4d_image, 24);
-L4D_LAYOUT(l4d_gradients, 64);
+L4D_LAYOUT(l4d_gradients, 72);
 L4D_FIELD(l4d_gradients, position, 16);
 L4D_LAYOUT(l4d_sensitivity_options, 24);
 L4D_FIELD(l4d_sensitivity_options, seed, 16);

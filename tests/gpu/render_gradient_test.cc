@@ -12,6 +12,7 @@ constexpr const char* kArrays[6] = {"position", "mean_t", "log_scale", "rotor", 
 
 struct Gradients {
   std::vector<float> array[6];
+  std::vector<double> view;
 };
 
 Gradients gradients_of(const RendererHandle& renderer, const io::Scene& scene,
@@ -21,6 +22,7 @@ Gradients gradients_of(const RendererHandle& renderer, const io::Scene& scene,
   Gradients out;
   // The call adds.
   for (size_t k = 0; k < 6; ++k) out.array[k].assign(n * width[k], 0.5f);
+  out.view.assign(9, 0);
   l4d_gradients g = L4D_INIT(l4d_gradients);
   g.count = n;
   g.position = out.array[0].data();
@@ -29,6 +31,7 @@ Gradients gradients_of(const RendererHandle& renderer, const io::Scene& scene,
   g.rotor = out.array[3].data();
   g.opacity = out.array[4].data();
   g.sh = out.array[5].data();
+  g.view = out.view.data();
   renderer.check(l4d_renderer_backward(renderer.get(), &camera, upstream.data(), &g));
   for (auto& array : out.array) {
     for (float& v : array) v -= 0.5f;
@@ -67,6 +70,12 @@ void compare(const std::string& name, const io::Scene& scene, const l4d_camera& 
     EXPECT_LT(distance, 2e-3) << name << ", " << kArrays[k];
     EXPECT_TRUE(equal_bits(d.array[k], again.array[k])) << name << ", " << kArrays[k];
   }
+  // Each of them is what much of both signs leaves.
+  for (size_t k = 0; k < e.view.size(); ++k) {
+    EXPECT_NE(e.view[k], 0) << name << ", view " << k;
+    EXPECT_NEAR(d.view[k], e.view[k], 1e-2 * std::abs(e.view[k])) << name << ", view " << k;
+  }
+  EXPECT_EQ(d.view, again.view) << name;
 }
 
 TEST(DeviceGradient, EveryDegreeIsTheReference) {

@@ -312,6 +312,10 @@ TEST(TrainableScene, RepeatsBitForBitAndAgreesWithTheDeviceRenderer) {
         one.forward(trainable);
         EXPECT_TRUE(equal_bits(one.rgb[0]->read(), together.rgb[v]->read()));
         one.backward(trainable, sums.gradients(), nullptr);
+        // `together` added its own twice.
+        std::vector<double> by_view = one.view_gradient[0]->read();
+        for (double& number : by_view) number *= 2;
+        EXPECT_EQ(together.view_gradient[v]->read(), by_view);
       }
     }
     rounds.push_back(sums.read(scene.count(), 48));
@@ -340,7 +344,13 @@ TEST(TrainableScene, RepeatsBitForBitAndAgreesWithTheDeviceRenderer) {
     const ImageDifference d =
         difference_of(together.rgb[v]->read(), device.render(cameras[v]), 1e-4);
     EXPECT_LE(d.beyond, 2u);
+    std::vector<double> by_view(9, 0.0);
+    out.view = by_view.data();
     device.check(l4d_renderer_backward(device.get(), &cameras[v], upstream[v].data(), &out));
+    const std::vector<double> twice = together.view_gradient[v]->read();
+    for (size_t k = 0; k < 9; ++k) {
+      EXPECT_NEAR(twice[k] / 2, by_view[k], 1e-3 * std::abs(by_view[k])) << k;
+    }
   }
   for (size_t k = 0; k < 6; ++k) {
     expect_close(rounds[0][k], old[k], 1e-3, std::string("device renderer, ") + kArrays[k]);
@@ -386,6 +396,7 @@ TEST(TrainableScene, CountsViewsWithoutRoom) {
     for (const float v : array) ASSERT_EQ(v, 0);
   }
   for (const uint8_t v : shown.read()) ASSERT_EQ(v, 0);
+  for (const double v : views.view_gradient[0]->read()) ASSERT_EQ(v, 0);
   reserve(trainable, camera, 9000, report.required_instances, 2);
   step();
   report = report_of(trainable);
@@ -482,6 +493,11 @@ TEST(TrainableScene, RefusesWhatItCannotDo) {
                                         nullptr),
             L4D_ERR_INVALID_STATE);
   gradients.count = 99;
+  EXPECT_EQ(l4d_cuda_trainable_backward(trainable.get(), views.losses.data(), 1, &gradients,
+                                        nullptr, nullptr),
+            L4D_ERR_INVALID_ARGUMENT);
+  gradients.count = 100;
+  gradients.view = views.view_gradient[0]->get();
   EXPECT_EQ(l4d_cuda_trainable_backward(trainable.get(), views.losses.data(), 1, &gradients,
                                         nullptr, nullptr),
             L4D_ERR_INVALID_ARGUMENT);

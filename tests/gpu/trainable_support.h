@@ -144,6 +144,7 @@ struct TrainableViews {
       rgb.push_back(std::make_unique<DeviceArray<float>>(3 * pixels, -7.0f));
       upstream.push_back(std::make_unique<DeviceArray<float>>(3 * pixels, 0.0f));
       error.push_back(std::make_unique<DeviceArray<float>>(pixels, 0.0f));
+      view_gradient.push_back(std::make_unique<DeviceArray<double>>(9, 0.0));
       l4d_cuda_trainable_view view = L4D_INIT(l4d_cuda_trainable_view);
       view.camera = &cameras[v];
       view.time = times[v];
@@ -155,6 +156,7 @@ struct TrainableViews {
       l4d_cuda_trainable_loss loss = L4D_INIT(l4d_cuda_trainable_loss);
       loss.rgb_gradient = upstream[v]->get();
       loss.error = error[v]->get();
+      loss.view_gradient = view_gradient[v]->get();
       losses.push_back(loss);
     }
   }
@@ -169,6 +171,7 @@ struct TrainableViews {
   }
   std::vector<l4d_camera> cameras;
   std::vector<std::unique_ptr<DeviceArray<float>>> rgb, upstream, error;
+  std::vector<std::unique_ptr<DeviceArray<double>>> view_gradient;
   std::vector<l4d_cuda_trainable_view> views;
   std::vector<l4d_cuda_trainable_loss> losses;
 };

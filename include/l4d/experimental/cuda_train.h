@@ -114,6 +114,7 @@ typedef struct l4d_cuda_trainable_loss {
   const float* rgb_gradient; /* [height, width, 3] derivative of the loss by the view's rgb */
   /* [height, width] a weight of each pixel, for statistics->error_coverage; NULL = 0. */
   const float* error;
+  double* view_gradient; /* [9] += as l4d_gradients.view has it, of this view; NULL = not wanted */
 } l4d_cuda_trainable_loss;
 
 /* What views show of each row; device arrays of the caller's, NULL = not wanted. A row counts as
@@ -133,9 +134,10 @@ typedef struct l4d_cuda_trainable_statistics {
 
 /* Backward pass of the views of the last forward, without rendering again. losses: [num_views],
  * losses[0].struct_size bytes apart, in the order of the views. Adds to the arrays of `gradients`
- * (device pointers; gradients->count must be N; SH rows are sh_stride apart) and of `statistics`,
- * view after view; the caller sets them to 0. statistics may be NULL. Fails with INVALID_STATE
- * unless the last forward had num_views views and nothing was refreshed or reserved since. */
+ * (device pointers; gradients->count must be N, ->view NULL; SH rows are sh_stride apart) and of
+ * `statistics`, view after view; the caller sets them to 0. statistics may be NULL. Fails with
+ * INVALID_STATE unless the last forward had num_views views and nothing was refreshed or reserved
+ * since. */
 L4D_API l4d_status l4d_cuda_trainable_backward(l4d_cuda_trainable* trainable,
                                                const l4d_cuda_trainable_loss* losses,
                                                uint32_t num_views, const l4d_gradients* gradients,

@@ -38,6 +38,7 @@ struct BackwardMemory {
   SplatSums* instances;  // [max_instances, parts] by emission
   SplatSums* splats;     // [max_visible]
   uint32_t* shown;       // [max_visible] those that a pixel shows, in any order
+  long long* by_view;    // [kViewNumbers, kMagnitudes] parts of derivatives by the view
 };
 
 // Instances of a frame made with input.backward. Every emission is written.

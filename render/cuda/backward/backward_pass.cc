@@ -34,7 +34,8 @@ Status BackwardPass::reserve(const FrameCapacity& wanted_capacity, DeviceFrame* 
                       {&instances_, n * memory_.parts * sizeof(SplatSums)},
                       {&splats_, v * sizeof(SplatSums)},
                       {&shown_, v * sizeof(uint32_t)},
-                      {&coverage_, v * sizeof(unsigned long long)}};
+                      {&coverage_, v * sizeof(unsigned long long)},
+                      {&by_view_, view_parts_bytes()}};
   bool fits = true;
   for (const auto& w : wanted) fits = fits && w.bytes <= w.memory->size();
   if (!fits) L4D_RETURN_IF_CUDA_ERROR(cudaDeviceSynchronize());
@@ -42,6 +43,7 @@ Status BackwardPass::reserve(const FrameCapacity& wanted_capacity, DeviceFrame* 
   memory_.instances = instances_.as<SplatSums>();
   memory_.splats = splats_.as<SplatSums>();
   memory_.shown = shown_.as<uint32_t>();
+  memory_.by_view = by_view_.as<long long>();
   return {};
 }
 

@@ -28,7 +28,7 @@ class BackwardPass {
   float* scratch_image() const { return image_.as<float>(); }
 
  private:
-  cuda::DeviceMemory instances_, splats_, shown_, coverage_, image_;
+  cuda::DeviceMemory instances_, splats_, shown_, coverage_, by_view_, image_;
   BackwardMemory memory_{};
 };
 

@@ -3,6 +3,7 @@
 #include "render/cuda/kernel/launch.cuh"
 #include "render/frame/project_gradient.h"
 #include "render/frame/slice_gradient.h"
+#include "render/frame/view_gradient.h"
 
 namespace l4d::render {
 namespace {
@@ -122,10 +123,13 @@ __device__ bool back_to_slice(const GradientInput& input, const View<float>& vie
   geometry_gradient(input.view, slice.covariance, projection, g, slice.opacity, &out->by_slice);
   out->by_slice.opacity = static_cast<double>(out->sums.one) / slice.opacity;
   constexpr size_t kNumbers = 3 * sh_terms(kDegree);
-  float by_position[3] = {0, 0, 0}, sh[kNumbers];
+  float by_direction[3] = {0, 0, 0}, sh[kNumbers];
   Row<kNumbers>::read(input.gaussians.sh, out->id, sh, input.sh_stride);
-  shade_gradient(view, kDegree, position, sh, out->color, true, by_position, by_sh);
-  for (int k = 0; k < 3; ++k) out->by_slice.position[k] += static_cast<double>(by_position[k]);
+  shade_gradient(view, kDegree, position, sh, out->color, true, by_direction, by_sh);
+  for (int k = 0; k < 3; ++k) {
+    out->by_slice.direction[k] = static_cast<double>(by_direction[k]);
+    out->by_slice.position[k] += out->by_slice.direction[k];
+  }
   return true;
 }
 
@@ -145,7 +149,48 @@ __device__ void add_statistics(const View<float>& view, const Shown<kDegree>& sh
   }
 }
 
+// Splats come in any order, and sums of floating-point numbers would depend on it. So numbers of
+// like magnitude, which is a range of kMagnitudeBits of exponents from 2^kLeastExponent on, add up
+// as whole multiples of a unit that is 2^-kUnitBits of the range's least.
+constexpr int kMagnitudes = 32, kMagnitudeBits = 16, kLeastExponent = -256, kUnitBits = 20;
+constexpr int kViewParts = kViewNumbers * kMagnitudes;
+
+__device__ int unit_exponent(int magnitude) {
+  return kLeastExponent + kMagnitudeBits * magnitude - kUnitBits;
+}
+
+__device__ void add_by_magnitude(double value, unsigned long long* parts /* [kMagnitudes] */) {
+  if (value == 0) return;
+  const int above = (ilogb(value) - kLeastExponent) / kMagnitudeBits;
+  const int magnitude = min(max(above, 0), kMagnitudes - 1);
+  const long long units = __double2ll_rn(ldexp(value, -unit_exponent(magnitude)));
+  atomicAdd(parts + magnitude, static_cast<unsigned long long>(units));
+}
+
 template <uint32_t kDegree>
+__device__ void add_view_parts(const GradientInput& input, const Shown<kDegree>& shown,
+                               double by_time, unsigned long long* parts /* [kViewParts] */) {
+  const Slice3D<double> slice = slice_at(shown.gaussian, shown.at);
+  double own[kViewNumbers] = {};
+  add_view_gradient(input.view, slice.position, slice.covariance, shown.by_slice, by_time, own);
+  bool finite = true;
+  for (double v : own) finite = finite && isfinite(v);
+  if (!finite) return;
+#pragma unroll
+  for (int k = 0; k < kViewNumbers; ++k) add_by_magnitude(own[k], parts + kMagnitudes * k);
+}
+
+__global__ void sum_view_parts(const long long* parts, double* by_view) {
+  await_predecessor();
+  double sum = 0;
+  for (int m = 0; m < kMagnitudes; ++m) {
+    sum += ldexp(static_cast<double>(parts[kMagnitudes * threadIdx.x + m]), unit_exponent(m));
+  }
+  by_view[threadIdx.x] += sum;
+}
+
+// by_view: also that of out, in parts.
+template <uint32_t kDegree, bool by_view>
 __global__ void __launch_bounds__(kThreads)
     add_gradients(GradientInput input, View<float> view, bool one_channel, ResidentGaussians rows,
                   FrameMemory memory, BackwardMemory back, l4d_gradients out,
@@ -154,8 +199,21 @@ __global__ void __launch_bounds__(kThreads)
   constexpr size_t kNumbers = 3 * sh_terms(kDegree);
   Shown<kDegree> shown;
   float by_sh[kNumbers] = {};
-  if (!back_to_slice(input, view, rows, memory, back, one_channel, &shown, by_sh)) return;
-  const Gradient4D<double> g = slice_gradient(shown.gaussian, shown.at, shown.by_slice);
+  const bool is_shown = back_to_slice(input, view, rows, memory, back, one_channel, &shown, by_sh);
+  Gradient4D<double> g;
+  if (is_shown) g = slice_gradient(shown.gaussian, shown.at, shown.by_slice);
+  if constexpr (by_view) {
+    __shared__ unsigned long long parts[kViewParts];
+    for (int k = threadIdx.x; k < kViewParts; k += kThreads) parts[k] = 0;
+    __syncthreads();
+    if (is_shown) add_view_parts(input, shown, g.time, parts);
+    __syncthreads();
+    auto* sums = reinterpret_cast<unsigned long long*>(back.by_view);
+    for (int k = threadIdx.x; k < kViewParts; k += kThreads) {
+      if (parts[k] != 0) atomicAdd(sums + k, parts[k]);
+    }
+  }
+  if (!is_shown) return;
   Row<3>::add(out.position, shown.id, g.position);
   Row<1>::add(out.mean_t, shown.id, &g.mean_t);
   Row<4>::add(out.log_scale, shown.id, g.log_scale);
@@ -319,12 +377,18 @@ void launch_gradients(const GradientInput& input, const BackwardTask& task,
                       const BackwardMemory& back, const l4d_gradients& out,
                       const ViewStatistics& statistics, cudaStream_t stream) {
   const unsigned grid = (memory.max_visible + kThreads - 1) / kThreads;
+  const bool by_view = out.view != nullptr;
+  if (by_view) cudaMemsetAsync(back.by_view, 0, view_parts_bytes(), stream);
   for_degree(input.gaussians.sh_degree, [&](auto degree) {
-    launch(add_gradients<decltype(degree)::value>, grid, kThreads, stream, input,
-           narrow(input.view), task.upstream == Upstream::kOnes, rows, memory, back, out,
-           statistics);
+    constexpr uint32_t kDegree = decltype(degree)::value;
+    launch(by_view ? add_gradients<kDegree, true> : add_gradients<kDegree, false>, grid, kThreads,
+           stream, input, narrow(input.view), task.upstream == Upstream::kOnes, rows, memory, back,
+           out, statistics);
   });
+  if (by_view) launch(sum_view_parts, 1, kViewNumbers, stream, back.by_view, out.view);
 }
+
+size_t view_parts_bytes() { return kViewParts * sizeof(long long); }
 
 void launch_importance(const GradientInput& input, const BackwardTask& task, bool squared,
                        const ResidentGaussians& rows, const FrameMemory& memory,

@@ -28,13 +28,16 @@ struct ViewStatistics {
   float* screen_gradient;
 };
 
-// Adds to those arrays of `out` and `statistics` that are not NULL; each Gaussian is in a frame
-// once at most. As the calls below it adds nothing where the capacity did not suffice for all of
-// the frame.
+// Adds to those arrays of `out` and `statistics` that are not NULL, which are on the device; each
+// Gaussian is in a frame once at most. As the calls below it adds nothing where the capacity did
+// not suffice for all of the frame.
 void launch_gradients(const GradientInput& input, const BackwardTask& task,
                       const ResidentGaussians& rows, const FrameMemory& memory,
                       const BackwardMemory& back, const l4d_gradients& out,
                       const ViewStatistics& statistics, cudaStream_t stream);
+
+// Bytes of BackwardMemory::by_view.
+size_t view_parts_bytes();
 
 // Sums over views of importances, in whole numbers: neither the order of views nor how they are
 // dealt out to devices changes them.

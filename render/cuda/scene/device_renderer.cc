@@ -8,6 +8,7 @@
 #include "libl4dcodec/base/checked.h"
 #include "libl4dcodec/scene/prepare.h"
 #include "render/cuda/importance/in_flight_views.h"
+#include "render/frame/view_gradient.h"
 
 namespace l4d::render {
 namespace {
@@ -188,7 +189,7 @@ class Implementation : public DeviceRenderer {
   BackwardPass back_;
   l4d_gaussians gaussians_{};  // device arrays
   cuda::DeviceMemory double_times_, windows_;
-  cuda::DeviceMemory attributes_[kNumAttributes], gradients_[kNumAttributes];
+  cuda::DeviceMemory attributes_[kNumAttributes], gradients_[kNumAttributes], by_view_;
   cuda::DeviceMemory rgb_, alpha_, upstream_;
   cuda::PinnedMemory staging_;
   // Of the scene, from the first view nobody waits for on; goes before what its views read.
@@ -279,6 +280,10 @@ Status Implementation::backward(double time, const l4d_camera& camera, const flo
   l4d_gradients out{};
   out.struct_size = sizeof out;
   out.count = gaussians_.count;
+  if (gradients->view != nullptr) {
+    L4D_RETURN_IF_ERROR(clear(kViewNumbers * sizeof(double), &by_view_));
+    out.view = by_view_.as<double>();
+  }
   Status status;
   size_t next = 0;
   for_each_attribute(
@@ -305,6 +310,12 @@ Status Implementation::backward(double time, const l4d_camera& camera, const flo
       },
       *gradients, out);
   L4D_RETURN_IF_ERROR(status);
+  if (gradients->view != nullptr) {
+    double by_view[kViewNumbers];
+    L4D_RETURN_IF_CUDA_ERROR(
+        cudaMemcpy(by_view, by_view_.data(), sizeof by_view, cudaMemcpyDeviceToHost));
+    for (int k = 0; k < kViewNumbers; ++k) gradients->view[k] += by_view[k];
+  }
   return frame_.pass_seconds(stats->seconds);
 }
 

@@ -205,6 +205,7 @@ Status TrainableScene::backward(const std::vector<l4d_cuda_trainable_loss>& loss
   if (gradients.count != gaussians_.count) {
     return invalid_argument("gradients.count is not the scene's capacity");
   }
+  if (gradients.view != nullptr) return invalid_argument("views have view gradients of their own");
   const ViewStatistics statistics{s.shown, s.views, s.coverage, s.error_coverage,
                                   s.screen_gradient};
   l4d_gaussians shown = gaussians_;
@@ -220,8 +221,10 @@ Status TrainableScene::backward(const std::vector<l4d_cuda_trainable_loss>& loss
     if (v > 0) L4D_RETURN_IF_CUDA_ERROR(cudaStreamWaitEvent(on, lanes_[v - 1]->added));
     GradientInput input = gradient_input(store_, shown, lane.view.time, lane.view.camera);
     input.sh_stride = rows_.sh_stride;
-    launch_gradients(input, task, store_.resident(), lane.frame.memory(), lane.back.memory(),
-                     gradients, statistics, on);
+    l4d_gradients out = gradients;
+    out.view = losses[v].view_gradient;
+    launch_gradients(input, task, store_.resident(), lane.frame.memory(), lane.back.memory(), out,
+                     statistics, on);
     L4D_RETURN_IF_CUDA_ERROR(cudaGetLastError());
     L4D_RETURN_IF_CUDA_ERROR(cudaEventRecord(lane.added, on));
   }
