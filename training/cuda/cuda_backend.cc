@@ -44,6 +44,7 @@ struct StepCounts {
   unsigned long long skipped_rows;
   DeviceDensityChange density;
   DeviceLossSums views[kMaxDeviceViews];
+  ViewGradient view_gradients[kMaxDeviceViews];
 };
 // What the host tells a step.
 struct StepNumbers {
@@ -288,6 +289,8 @@ DeviceLossBatch CudaBackend::loss_batch(const StepInput& input, ViewRange range)
 void CudaBackend::clear_sums(const StepInput& input) {
   check_cuda(cudaMemsetAsync(counts_.data(), 0, offsetof(StepCounts, density), stream_),
              "clearing counters");
+  check_cuda(cudaMemsetAsync(counts()->view_gradients, 0, sizeof counts()->view_gradients, stream_),
+             "clearing derivatives by cameras");
   check_cuda(cudaMemsetAsync(model_.shown(), 0, model_.count, stream_), "clearing flags");
   if (input.measure || input.measure_gradients) {
     check_cuda(
@@ -326,6 +329,7 @@ void CudaBackend::launch_views(const StepInput& input, ViewRange range) {
     losses[v] = L4D_INIT(l4d_cuda_trainable_loss);
     losses[v].rgb_gradient = batch.views[v].rgb_gradient;
     losses[v].error = batch.views[v].error;
+    if (input.measure_cameras) losses[v].view_gradient = counts()->view_gradients[v].data();
   }
   const l4d_cuda_trainable_statistics shown = statistics(input);
   const l4d_gradients gradients = model_.gradients();
@@ -440,6 +444,7 @@ bool CudaBackend::finish(const StepInput& input, ViewRange range, StepOutput* ou
     const DeviceLossSums& sums = read->views[v];
     output->views.push_back({sums.absolute, sums.squared, sums.similarity, sums.values});
     output->exposure_gradients.emplace_back();
+    output->view_gradients.push_back(read->view_gradients[v]);
     if (input.views[range.begin + v].exposure != nullptr) {
       std::copy_n(sums.by_exposure, 12, output->exposure_gradients.back().begin());
     }

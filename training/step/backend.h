@@ -40,10 +40,14 @@ struct StepInput {
   bool measure = false;
   // Also add to `screen_gradient` and `screen_views` of the rows that the views show.
   bool measure_gradients = false;
+  // Also take derivatives by cameras and clocks.
+  bool measure_cameras = false;
   // Also add to `time_gradient`, `time_magnitude` and `time_visits` of those rows. Of the CPU's
   // back end alone.
   bool measure_time = false;
 };
+
+using ViewGradient = std::array<double, 9>;
 
 // The times of a step's views, each once.
 std::vector<double> times_of(const StepInput& input);
@@ -57,6 +61,8 @@ struct StepOutput {
   std::vector<LossSums> views;
   // [views] derivative of the mean loss of the views by each exposure; zeros without one.
   std::vector<std::array<double, 12>> exposure_gradients;
+  // [views] likewise by what the view is of, as l4d_gradients::view; zeros if not measured.
+  std::vector<ViewGradient> view_gradients;
   uint64_t skipped_rows = 0;  // whose derivatives were not finite
   // Losses are finite. Otherwise the model is as before the step.
   bool finite = true;

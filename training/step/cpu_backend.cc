@@ -42,6 +42,7 @@ struct Slot {
   std::vector<float> image, rgb_gradient, factors;
   LossSums sums;
   std::array<double, 12> exposure_gradient{};
+  ViewGradient view_gradient{};
   std::array<float, 12> exposure{};
   std::array<double, kStages> seconds{};
 };
@@ -165,6 +166,7 @@ class CpuBackend final : public PhasedBackend {
     for (size_t k = 0; k < range.count(); ++k) {
       output->views.push_back(slots_[k]->sums);
       output->exposure_gradients.push_back(slots_[k]->exposure_gradient);
+      output->view_gradients.push_back(slots_[k]->view_gradient);
     }
     output->skipped_rows = skipped_rows_;
     output->finite = stop_any_ == 0;
@@ -330,6 +332,8 @@ class CpuBackend final : public PhasedBackend {
     clock.ends(kLoss);
 
     l4d_gradients gradients = gradients_of(&slot->gradient, state_.count);
+    slot->view_gradient.fill(0);
+    if (input.measure_cameras) gradients.view = slot->view_gradient.data();
     slot->renderer.check(
         l4d_renderer_backward(renderer, &view.camera, slot->rgb_gradient.data(), &gradients));
     if (input.measure_gradients) measure_gradients(view.time, view.camera, *slot);

@@ -111,6 +111,8 @@ StepOutput GroupBackend::step(const StepInput& input) {
     output.views.insert(output.views.end(), o.views.begin(), o.views.end());
     output.exposure_gradients.insert(output.exposure_gradients.end(), o.exposure_gradients.begin(),
                                      o.exposure_gradients.end());
+    output.view_gradients.insert(output.view_gradients.end(), o.view_gradients.begin(),
+                                 o.view_gradients.end());
     output.finite = output.finite && o.finite;
     if (o.skipped_rows != output.skipped_rows) fail_apart(k, "the derivatives that are not finite");
   }

@@ -407,11 +407,17 @@ TEST(DeviceTraining, AStepIsTheHosts) {
     for (Backend* b : {cpu.get(), cuda.get()}) {
       b->load(start_of(capture.truth, 3500, degree), capture.truth.timeline);
     }
-    const StepInput input = capture.input(3, options, false);
+    StepInput input = capture.input(3, options, false);
+    input.measure_cameras = true;
     const StepOutput e = cpu->step(input), d = cuda->step(input);
     EXPECT_TRUE(d.finite);
     for (size_t v = 0; v < e.views.size(); ++v) {
       EXPECT_NEAR(d.views[v].loss(0.2), e.views[v].loss(0.2), 1e-5);
+      for (size_t k = 0; k < e.view_gradients[v].size(); ++k) {
+        const double expected = e.view_gradients[v][k];
+        EXPECT_NE(expected, 0);
+        EXPECT_NEAR(d.view_gradients[v][k], expected, 1e-2 * std::abs(expected) + 1e-6) << k;
+      }
     }
     // Adam turns a derivative into a step of fixed length: where one is next to nothing, its sign
     // is rounding. Steps are short, so values stay close.
