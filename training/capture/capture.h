@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "io/camera/cameras.h"
+#include "training/capture/camera_change.h"
 
 // Captures of a scene: cameras that saw it, and where their images are. Every layout is read into
 // one form, in the coordinates of the capture.
@@ -22,6 +23,7 @@ struct CaptureCamera {
   std::vector<double> times;
   // Those count: they are not the times of a steady rate, or not of that of the sequence.
   bool is_uneven = false;
+  CameraChange change{};  // that a training has found; ImageLoader::renew_cameras() follows it
   bool is_video() const { return !source.video.empty(); }
 };
 
@@ -54,6 +56,8 @@ struct Capture {
 
   double duration() const { return static_cast<double>(frames) / fps; }
   l4d_timeline timeline() const;
+  // When a view was taken, with the change of its camera: s, in the sequence.
+  double time_of(uint32_t view) const;
 };
 
 struct CaptureOptions {
@@ -73,6 +77,10 @@ void check(const CaptureOptions& options);
 // CORRUPT if cameras or sizes are wrong, FEATURE_UNSUPPORTED for lenses and files that are not
 // known, INVALID_ARGUMENT if options select nothing. It names the camera and the frame.
 Capture read_capture(const std::string& path, const CaptureOptions& options);
+
+// The cameras with their changes, for cameras.json. Throws FEATURE_UNSUPPORTED where images have
+// cameras of their own.
+io::CameraSet camera_set(const Capture& capture);
 
 // Where the cameras are. Radius: the largest distance of a camera from their mean; of cameras that
 // are all in one place, 1.

@@ -195,6 +195,15 @@ void add_train(CLI::App& app, Arguments& a) {
   verb->add_option("--sh-degree", s.sh_degree, "0 to 3")->capture_default_str();
   verb->add_option("--exposure", s.exposure, "Colours of cameras: auto (on from 8 videos), on, off")
       ->capture_default_str();
+  verb->add_option("--refine-times", a.refine_times,
+                   "Find the clocks of training cameras while they train, within so many frames of "
+                   "what the capture says, up to 10; auto: 2 where it has time offsets, else 0")
+      ->capture_default_str();
+  verb->add_option("--refine-cameras", s.refine_cameras,
+                   "Likewise how they are turned, within so many degrees, up to 5, and, within the "
+                   "same angle of the radius and of the focal length, where they are and their "
+                   "focal lengths")
+      ->capture_default_str();
   add_method(verb, a);
   add_memory(verb, a);
   verb->add_option("--seed", s.seed, "Of all random numbers")

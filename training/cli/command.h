@@ -32,7 +32,7 @@ struct Arguments {
   RunOptions run;
   std::string limit_memory, host_memory = "8G", device_memory = "auto", bucket_memory = "8G";
   std::string cache_limit = "64G";
-  std::string near = "auto", opacity_weight = "auto", background = "black";
+  std::string near = "auto", opacity_weight = "auto", refine_times = "auto", background = "black";
   std::string size, bitrate;  // of the stream
   std::string sheet;
   std::string page;            // of HTML with the scores of eval; "" = none

@@ -311,6 +311,9 @@ int run_verb(const CLI::App& app, Arguments& a) {
       }
     }
     if (a.near != "auto") a.run.settings.near = number_of("--near", a.near);
+    if (a.refine_times != "auto") {
+      a.run.settings.refine_times = number_of("--refine-times", a.refine_times);
+    }
     if (a.opacity_weight != "auto") {
       a.run.settings.opacity_weight = number_of("--opacity-weight", a.opacity_weight);
     }

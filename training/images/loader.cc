@@ -2,6 +2,7 @@
 #include "training/images/loader.h"
 
 #include <algorithm>
+#include <iterator>
 #include <map>
 #include <optional>
 
@@ -35,7 +36,8 @@ double seek_of(const CaptureCamera& camera, uint32_t frame, double fps) {
 
 }  // namespace
 
-ImageLoader::ImageLoader(const Capture& capture, double scale, double near) : capture_(capture) {
+ImageLoader::ImageLoader(const Capture& capture, double scale, double near)
+    : capture_(capture), scale_(scale) {
   const double near_plane = near * frame_of(capture).radius;
   for (const CaptureCamera& camera : capture.cameras) {
     const l4d_camera& full = camera.source.camera;
@@ -70,6 +72,18 @@ ImageLoader::ImageLoader(const Capture& capture, double scale, double near) : ca
     }
     masks_.push_back(std::move(mask));
     undistortions_.push_back(std::move(undistortion));
+  }
+}
+
+// Number by number: a thread that reads images looks at sizes.
+void ImageLoader::renew_cameras() {
+  for (uint32_t c = 0; c < cameras_.size(); ++c) {
+    const CaptureCamera& of = capture_.cameras[c];
+    const l4d_camera now = scaled_camera(changed(of.source.camera, of.change), scale_);
+    l4d_camera& out = cameras_[c];
+    std::copy_n(now.world_to_camera, std::size(now.world_to_camera), out.world_to_camera);
+    out.fx = now.fx;
+    out.fy = now.fy;
   }
 }
 

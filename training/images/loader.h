@@ -29,6 +29,8 @@ class ImageLoader {
   // Cameras of the images that are returned, by index of the capture's cameras.
   const l4d_camera& camera(uint32_t index) const { return cameras_[index]; }
   const l4d_camera& camera_of(uint32_t view) const { return cameras_[capture_.views[view].camera]; }
+  // They become those of the changes that the capture's cameras have.
+  void renew_cameras();
   // [height, width] of the scaled camera; empty where all pixels count.
   const std::vector<uint8_t>& mask(uint32_t index) const { return masks_[index]; }
 
@@ -53,6 +55,7 @@ class ImageLoader {
                   const std::function<bool()>& cancelled) const;
 
   const Capture& capture_;
+  const double scale_;
   FrameCache* cache_ = nullptr;
   std::vector<std::vector<uint32_t>> videos_;  // with a cache: views of each camera's video
   std::vector<uint32_t> places_;               // of views among those of their camera

@@ -86,6 +86,11 @@ RunReport write_results(RunParts* parts, Steps* steps) {
   scene.presentation = as_read(scene.presentation);  // streams of both have the same bytes
   io::write_cameras(parts->file("cameras.json"),
                     views_of(parts->capture, *parts->loader, "train").set);
+  if (parts->refinement) {
+    write_refined(parts->file("refined.json"), parts->capture,
+                  parts->settings.reading.frames.empty());
+    parts->say(parts->refinement->notes());
+  }
   steps->write_preview();
   parts->times.begin(kWriting);
   steps->write_curves();
@@ -96,6 +101,11 @@ RunReport write_results(RunParts* parts, Steps* steps) {
   report.gaussians = model.count;
   if (parts->settings.backend == "cuda") report.devices = devices_of(parts->settings.devices);
   steps->describe(&report);
+  for (const CaptureCamera& camera : parts->capture.cameras) {
+    if (parts->refinement && camera.split == "train") {
+      report.refined.emplace_back(camera.name, camera.change);
+    }
+  }
   if (parts->lpips) report.lpips = parts->lpips->network();
   const auto render = [&](uint32_t view) { return parts->trainer->render(view); };
   parts->observer->update(0, 0, "comparing with the captured images");

@@ -50,6 +50,10 @@ class Run {
                                                parts_.store.get(), parts_.backend.get(),
                                                options_.threads, parts_.residence.get());
     parts_.trainer->set_background(options_.background);
+    if (settings_.refine_times > 0 || settings_.refine_cameras > 0) {
+      parts_.refinement = std::make_unique<Refinement>(settings_, &capture_, parts_.loader.get(),
+                                                       parts_.trainer.get());
+    }
     settings_.opacity_weight = opacity_weight_of(settings_, parts_.trainer->has_alpha());
     parts_.times.begin(kStart);
     Steps steps(&parts_);
@@ -78,6 +82,9 @@ class Run {
     CaptureOptions reading = options_.settings.reading;
     reading.holder = parts_.budget.holder();
     capture_ = read_capture(options_.settings.capture, reading);
+    if (refine_times_of(options_.settings, capture_) > 0 || options_.settings.refine_cameras > 0) {
+      camera_set(capture_);  // which throws where cameras have one image each
+    }
     fit_memory();
     const double scale = options_.settings.scale;
     parts_.loader =

@@ -14,6 +14,7 @@
 #include "training/run/record/folder.h"
 #include "training/run/report/run_report.h"
 #include "training/run/setup/run_options.h"
+#include "training/run/train/refine.h"
 #include "training/run/train/sample.h"
 
 namespace l4d::train {
@@ -66,6 +67,7 @@ struct RunParts {
   std::unique_ptr<Backend> backend;
   std::unique_ptr<Residence> residence;
   std::unique_ptr<Trainer> trainer;
+  std::unique_ptr<Refinement> refinement;  // null: cameras stay as the capture has them
   std::vector<std::string> notes;
 };
 

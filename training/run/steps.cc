@@ -100,6 +100,7 @@ void Steps::end_early() {
 bool Steps::step() {
   try {
     const StepReport report = trainer_.advance();
+    if (parts_.refinement) parts_.refinement->advance(report);
     ++steps_;
     memory_.raise_to(memory_use(*parts_.backend, *parts_.store, parts_.residence.get()));
     sums_.loss += report.loss;
@@ -195,6 +196,7 @@ void Steps::restore(Checkpoint checkpoint) {
     checkpoint.run.windows = checkpoint.run.period = 0;
   }
   trainer_.restore(std::move(checkpoint.model), checkpoint.run);
+  if (parts_.refinement) parts_.refinement->use_changes();
 }
 
 void Steps::write_checkpoint() {

@@ -73,18 +73,9 @@ ClockReport find_clocks(const Capture& capture, double most, uint32_t threads,
 
 void write_synchronised(const std::string& path, const Capture& capture,
                         const ClockReport& clocks) {
-  io::CameraSet set;
-  set.fps = capture.fps;
-  set.frames = capture.frames;
-  for (size_t k = 0; k < capture.cameras.size(); ++k) {
-    io::Camera camera = capture.cameras[k].source;
-    if (camera.video.empty() && camera.images.empty()) {
-      throw io::Error(L4D_ERR_FEATURE_UNSUPPORTED,
-                      capture.path + ": its images have cameras of their own, and no clocks");
-    }
-    if (clocks.cameras[k].is_off) camera.time_offset += clocks.cameras[k].found.seconds;
-    camera.split = capture.cameras[k].split;
-    set.cameras.push_back(std::move(camera));
+  io::CameraSet set = camera_set(capture);
+  for (size_t k = 0; k < set.cameras.size(); ++k) {
+    if (clocks.cameras[k].is_off) set.cameras[k].time_offset += clocks.cameras[k].found.seconds;
   }
   io::write_cameras(path, set);
 }

@@ -68,17 +68,6 @@ TEST(Shift, IsNoneAtTheBorderOfWhatIsTried) {
   EXPECT_EQ(found.correlation, found.unmoved);
 }
 
-// Turned about the vertical axis of the camera.
-void turn(l4d_camera* camera, double degrees) {
-  const double a = degrees * 3.14159265358979323846 / 180, c = std::cos(a), s = std::sin(a);
-  double* m = camera->world_to_camera;
-  for (size_t k = 0; k < 4; ++k) {
-    const double x = m[k], z = m[8 + k];
-    m[k] = c * x + s * z;
-    m[8 + k] = c * z - s * x;
-  }
-}
-
 // The tiny capture by lenses of so many times the focal length.
 std::string capture_by_lenses(const test::Folder& folder, double longer) {
   nlohmann::json cameras =
@@ -101,7 +90,7 @@ TEST_P(Places, OfTurnedCamerasAreNamedAndNoOthers) {
   const Capture truth = read_capture(capture_by_lenses(folder, GetParam()), {});
   for (const double degrees : {0.0, 2.0}) {
     Capture capture = truth;
-    turn(&capture.cameras[6].source.camera, degrees);
+    test::turn(&capture.cameras[6].source.camera, degrees);
     const ImageLoader loader(capture, 1);
     const std::unique_ptr<Backend> backend = make_cpu_backend(1);
     backend->load(model_of(test::tiny_truth()), capture.timeline());

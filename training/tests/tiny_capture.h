@@ -131,6 +131,17 @@ inline RunOptions small_run(const std::string& folder, uint64_t steps) {
   return run_on(small_capture(), folder, steps);
 }
 
+// Turned about the vertical axis of the camera.
+inline void turn(l4d_camera* camera, double degrees) {
+  const double a = degrees * 3.14159265358979323846 / 180, c = std::cos(a), s = std::sin(a);
+  double* m = camera->world_to_camera;
+  for (size_t k = 0; k < 4; ++k) {
+    const double x = m[k], z = m[8 + k];
+    m[k] = c * x + s * z;
+    m[8 + k] = c * z - s * x;
+  }
+}
+
 // Hears nothing; ends the run when `steps_left` training updates have come.
 class Listener : public RunObserver {
  public:

@@ -66,6 +66,8 @@ TEST(Training, ResumesWithTheSameBits) {
   const Folder folder;
   RunOptions options = small_run(folder / "whole", 120);
   options.settings.exposure = "on";
+  options.settings.refine_times = 2;
+  options.settings.refine_cameras = 1;
   Listener listener;
   options.threads = 1;
   train(options, &listener);
@@ -77,8 +79,15 @@ TEST(Training, ResumesWithTheSameBits) {
   Listener first(47);
   EXPECT_THROW(train(options, &first), io::Error);
   options.resume = true;
-  train(options, &listener);
+  const RunReport report = train(options, &listener);
   EXPECT_TRUE(whole == test::bytes_of(folder / "parts/scene.ply"));
+  const std::string refined = test::bytes_of(folder / "whole/refined.json");
+  EXPECT_TRUE(refined == test::bytes_of(folder / "parts/refined.json"));
+  ASSERT_EQ(report.refined.size(), 4U);
+  EXPECT_NE(report.refined[0].second, CameraChange{});
+  // The run is compared with the cameras that it has found.
+  const RunReport again = evaluate_run(folder / "parts", "", options, "", &listener);
+  EXPECT_NEAR(again.train.plain.mean_psnr, report.train.plain.mean_psnr, 1e-4);
 }
 
 // A figure that test views reach ends a training at the next of ten scores, as if its steps were
@@ -317,6 +326,7 @@ TEST(Checkpoint, NoticesEveryDamage) {
   checkpoint.model.motion = {1, 2, 3, 4, 5, 6, 0, 0, 0};
   checkpoint.run.step = 4;
   checkpoint.run.camera_loss = {0.5, 0.25};
+  checkpoint.run.refined.resize(2);
   const std::vector<uint8_t> bytes = pack_checkpoint(checkpoint);
   const Checkpoint again = unpack_checkpoint("a", bytes);
   EXPECT_EQ(again.model.capacity(), 3U);

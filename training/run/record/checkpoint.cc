@@ -144,6 +144,7 @@ std::vector<uint8_t> pack_checkpoint(const Checkpoint& c) {
     exposures.push_back(static_cast<double>(e.updates));
   }
   out.add("exposures", exposures.data(), exposures.size());
+  if (!c.run.refined.empty()) out.add("refined", c.run.refined.data(), c.run.refined.size());
   out.add("end", exposures.data(), 0);
   return std::move(out.bytes);
 }
@@ -201,6 +202,7 @@ Checkpoint unpack_checkpoint(const std::string& name, const std::vector<uint8_t>
     e.updates = static_cast<uint64_t>(exposures[k]);
     model.exposures.push_back(e);
   }
+  if (in.is_next("refined")) c.run.refined = in.take<RefinedCamera>("refined");
   in.take<uint8_t>("end", 0);
   in.finish();
   // Only now, when all is known to be right: the rows that are free.
@@ -248,7 +250,9 @@ void check_resumes(const std::string& folder, const Checkpoint& checkpoint,
     throw Error(L4D_ERR_INVALID_ARGUMENT,
                 folder + ": the checkpoint is of other settings: " + differs);
   }
-  if (checkpoint.run.camera_loss.size() != capture.cameras.size()) {
+  const size_t refined = checkpoint.run.refined.size();
+  if (checkpoint.run.camera_loss.size() != capture.cameras.size() ||
+      (refined != 0 && refined != capture.cameras.size())) {
     throw Error(L4D_ERR_INVALID_ARGUMENT, folder + ": the capture has other cameras now");
   }
 }

@@ -139,8 +139,8 @@ void check_folder(const RunOptions& options) {
 void remove_results(const std::string& folder) {
   std::error_code error;
   for (const std::string& old : list_checkpoints(folder)) fs::remove(old, error);
-  for (const char* name :
-       {"scene.ply", "scene.l4d", "preview.l4d", "weights.ply", "stream.png", "report.json"}) {
+  for (const char* name : {"scene.ply", "scene.l4d", "preview.l4d", "weights.ply", "stream.png",
+                           "refined.json", "report.json"}) {
     fs::remove(fs::path(folder) / name, error);
   }
 }

@@ -12,6 +12,7 @@
 #include "training/run/record/checkpoint.h"
 #include "training/run/report/page.h"
 #include "training/run/train/output.h"
+#include "training/run/train/refine.h"
 #include "training/step/cuda_backend.h"
 
 namespace l4d::train {
@@ -109,6 +110,14 @@ std::string json_of(const RunReport& r) {
             {"background", r.background},
             {"train", object_of(r.train, r.lpips)},
             {"test", object_of(r.test, r.lpips)}};
+  for (const auto& [name, change] : r.refined) {
+    const double* turn = &change[kTurn];
+    j["refined"].push_back({{"name", name},
+                            {"time_s", change[kTime]},
+                            {"turn_rad", {turn[0], turn[1], turn[2]}},
+                            {"move", {turn[3], turn[4], turn[5]}},
+                            {"focal_factor", std::exp(change[kFocal])}});
+  }
   if (r.steps > 0) {
     j["devices"] = r.devices;
     for (size_t p = 0; p < kParts; ++p) j["seconds"][kPartNames[p]] = finite_or_null(r.seconds[p]);
@@ -141,9 +150,8 @@ StreamViews::StreamViews(const std::string& path, const Capture& capture, const 
 }
 
 io::Image StreamViews::render(uint32_t view) {
-  const CaptureView& v = capture_.views[view];
-  const l4d_camera& camera = loader_.camera(v.camera);
-  renderer_.set_time(v.time);
+  const l4d_camera& camera = loader_.camera_of(view);
+  renderer_.set_time(capture_.time_of(view));
   io::Image image(camera.width, camera.height);
   renderer_.render(camera, image.rgb.data());
   return image;
@@ -196,7 +204,10 @@ RunReport evaluate_run(const std::string& folder, const std::string& moved,
     capture.notes.push_back("The capture is not the one of the training, or has changed since.");
     observer->note(capture.notes.back());
   }
-  const ImageLoader loader(capture, settings.scale, settings.near);
+  ImageLoader loader(capture, settings.scale, settings.near);
+  if (fs::exists(file("refined.json"), error)) {
+    follow_refined(file("refined.json"), &capture, &loader);
+  }
   const std::unique_ptr<eval::Lpips> lpips = read_lpips(options.lpips);
   check_sizes(lpips.get(), capture, loader);
   const io::Scene scene = io::read_scene_ply(file("scene.ply"));
@@ -217,8 +228,8 @@ RunReport evaluate_run(const std::string& folder, const std::string& moved,
                        render, [&] { return observer->cancelled(); });
   };
   const auto render = [&](uint32_t view) {
-    const CaptureView& v = capture.views[view];
-    return backend->render(loader.camera(v.camera), v.time, options.background.data());
+    return backend->render(loader.camera_of(view), capture.time_of(view),
+                           options.background.data());
   };
   observer->update(0, 0, "comparing with the captured images");
   report.train = score("train", render);

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "eval/refit/refit.h"
@@ -33,6 +34,8 @@ struct RunReport {
   std::optional<eval::CheckedStream> stream_fidelity;  // against the scene
   Score stream_train, stream_test;
   std::string lpips;  // the network whose distances scores have; "" = none
+  // Training cameras with what --refine-times and --refine-cameras have found.
+  std::vector<std::pair<std::string, CameraChange>> refined;
   std::vector<std::string> notes;
 };
 

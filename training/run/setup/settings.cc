@@ -29,6 +29,12 @@ constexpr double kMaxStopAt = 100;  // dB
 // training leave the range of float.
 constexpr double kMaxWeight = 1000, kLeastScale = 0.0001;
 
+// What is further off than this is beyond what steps from where it is find: `l4dtrain sync`, or
+// another calibration.
+constexpr double kMaxClock = 10, kMaxDegrees = 5;
+// Frames. `l4dtrain sync` is within 1.2 of them.
+constexpr double kClocksOfTheirOwn = 2;
+
 // Of a training for a stream of a size: a Gaussian for each byte at most. They are several times
 // those that it has room for, since the best of many are better than the same number from the
 // start.
@@ -94,6 +100,7 @@ std::string text_of(const Settings& settings) {
 Settings defaults_of_before() {
   Settings s;
   s.near = 0;
+  s.refine_times = 0;
   return s;
 }
 
@@ -174,11 +181,13 @@ void check(const Settings& s) {
   if (s.gaussians > 100000000) fail("--gaussians is above 100000000");
   if (s.resident > 100000000) fail("--resident is above 100000000");
   if (s.views > 256) fail("--views is above 256");
-  const auto need = [&](const char* option, double value, double least) {
-    if (value >= least && value <= kMaxWeight) return;
+  const auto need = [&](const char* option, double value, double least, double most = kMaxWeight) {
+    if (value >= least && value <= most) return;
     fail(std::string(option) + " is " + number(value) + "; it must be " + number(least) + " to " +
-         number(kMaxWeight));
+         number(most));
   };
+  if (s.refine_times != kAuto) need("--refine-times", s.refine_times, 0, kMaxClock);
+  need("--refine-cameras", s.refine_cameras, 0, kMaxDegrees);
   need("--drift", s.drift, 0);
   need("--error-weight", s.error_weight, 0);
   need("--scale-weight", s.scale_weight, 0);
@@ -193,6 +202,14 @@ void check(const Settings& s) {
 double near_of(const Settings& settings, const Capture& capture) {
   if (settings.near != kAuto) return settings.near;
   return look_at_one_place(capture) ? kConvergentNear : 0;
+}
+
+double refine_times_of(const Settings& settings, const Capture& capture) {
+  if (settings.refine_times != kAuto) return settings.refine_times;
+  const bool own_clocks =
+      std::any_of(capture.cameras.begin(), capture.cameras.end(),
+                  [](const CaptureCamera& c) { return c.source.time_offset != 0; });
+  return own_clocks ? kClocksOfTheirOwn : 0;
 }
 
 double opacity_weight_of(const Settings& settings, bool has_alpha) {
@@ -233,6 +250,7 @@ Settings resolved(const Settings& settings, const Capture& capture, uint32_t wid
     throw Error(L4D_ERR_INVALID_ARGUMENT, kNeedsCpu);
   }
   s.near = near_of(settings, capture);
+  s.refine_times = refine_times_of(settings, capture);
   if (s.init == "auto" && !capture.points.empty()) s.init = "capture";
   return s;
 }

@@ -25,25 +25,28 @@ struct Settings {
   uint32_t views = 0;           // of a step; 0 = 4, or 1 for a moving camera
   std::string init = "auto";    // auto, frustum, hull, or points: a PLY, or a folder
   uint32_t sh_degree = 3;
-  std::string exposure = "auto";             // auto, on, off
-  std::string density = "relocate";          // relocate, gradient, off
-  std::string temporal_split = "off";        // on, off
-  uint32_t density_every = 1;                // steps between two changes of the density
-  std::string codec = "off";                 // off, prune, settle
-  std::string preset;                        // of the encoder; "" = no stream
-  uint64_t size = 0;                         // of the stream, bytes at most; 0 = by its quality
-  double quality = 0;                        // of the stream, dB; 0 = that of the preset
-  std::string adam = "auto";                 // auto, dense, sparse
-  std::string backend = "auto";              // auto, cpu, cuda
-  std::string devices;                       // of cuda: "0,1"; "" = the first
-  double drift = 2;                          // kappa
-  double error_weight = 1;                   // beta
-  double near = kAuto;                       // cameras see nothing nearer, in units of their radius
-  double opacity_weight = kAuto;             // regularisers: of the mean opacity
-  double scale_weight = 0.05;                // of the mean scale, in units of the radius
-  double entropy_weight = 0;                 // of the mean entropy of opacities
-  double consistency_weight = 0;             // of how far neighbours' velocities are apart
-  double max_scale = 1;                      // of Gaussians, of the radius
+  std::string exposure = "auto";       // auto, on, off
+  std::string density = "relocate";    // relocate, gradient, off
+  std::string temporal_split = "off";  // on, off
+  uint32_t density_every = 1;          // steps between two changes of the density
+  std::string codec = "off";           // off, prune, settle
+  std::string preset;                  // of the encoder; "" = no stream
+  uint64_t size = 0;                   // of the stream, bytes at most; 0 = by its quality
+  double quality = 0;                  // of the stream, dB; 0 = that of the preset
+  std::string adam = "auto";           // auto, dense, sparse
+  std::string backend = "auto";        // auto, cpu, cuda
+  std::string devices;                 // of cuda: "0,1"; "" = the first
+  double drift = 2;                    // kappa
+  double error_weight = 1;             // beta
+  double near = kAuto;                 // cameras see nothing nearer, in units of their radius
+  double opacity_weight = kAuto;       // regularisers: of the mean opacity
+  double scale_weight = 0.05;          // of the mean scale, in units of the radius
+  double entropy_weight = 0;           // of the mean entropy of opacities
+  double consistency_weight = 0;       // of how far neighbours' velocities are apart
+  double max_scale = 1;                // of Gaussians, of the radius
+  // Bounds of what is found of training cameras while they train; 0 = they stay as they are.
+  double refine_times = kAuto;               // frames, of clocks
+  double refine_cameras = 0;                 // degrees, of places and lenses
   uint64_t host_memory = uint64_t{8} << 30;  // bytes of images
   uint64_t device_memory = 0;                // bytes of the back end; 0 = auto
   uint64_t resident = 0;                     // Gaussians in the back end at most; 0 = auto
@@ -90,6 +93,8 @@ void for_each_setting(S& s, F&& f) {
   f("entropy_weight", s.entropy_weight);
   f("consistency_weight", s.consistency_weight);
   f("max_scale", s.max_scale);
+  f("refine_times", s.refine_times);
+  f("refine_cameras", s.refine_cameras);
   f("host_memory", s.host_memory);
   f("device_memory", s.device_memory);
   f("resident", s.resident);
@@ -119,6 +124,8 @@ void check(const Settings& settings);
 // Settings::near, with the rule for what is auto: 0.2 where cameras look at one place, so that
 // nothing is there, else 0.
 double near_of(const Settings& settings, const Capture& capture);
+// Settings::refine_times likewise: 2 where the capture has time offsets, else 0.
+double refine_times_of(const Settings& settings, const Capture& capture);
 // Settings::opacity_weight, with the rule for what is auto. has_alpha: of the images, which then
 // are empty for the most part; their mean loss is small, and so is the weight beside it.
 double opacity_weight_of(const Settings& settings, bool has_alpha);

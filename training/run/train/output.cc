@@ -70,9 +70,10 @@ eval::CameraViews views_of(const Capture& capture, const ImageLoader& loader,
     camera.camera = loader.camera(c);
     all.set.cameras.push_back(std::move(camera));
   }
-  for (const CaptureView& view : capture.views) {
-    if (capture.cameras[view.camera].split != split) continue;
-    all.views.push_back({view.camera, view.time, 0});
+  for (uint32_t k = 0; k < capture.views.size(); ++k) {
+    const uint32_t camera = capture.views[k].camera;
+    if (capture.cameras[camera].split != split) continue;
+    all.views.push_back({camera, capture.time_of(k), 0});
   }
   std::stable_sort(all.views.begin(), all.views.end(), [](const io::View& x, const io::View& y) {
     return x.time != y.time ? x.time < y.time : x.camera < y.camera;

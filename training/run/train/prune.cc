@@ -18,7 +18,7 @@ std::vector<float> loss_without(const ModelState& model, const Capture& capture,
   for (uint32_t c = 0; c < capture.cameras.size(); ++c) cameras.push_back(loader.camera(c));
   std::vector<l4d_view> measured;
   for (const uint32_t view : views) {
-    measured.push_back({capture.views[view].time, capture.views[view].camera, 0});
+    measured.push_back({capture.time_of(view), capture.views[view].camera, 0});
   }
   RendererHandle renderer(&rendering);
   renderer.set_gaussians(model.view(), capture.timeline());

@@ -18,6 +18,7 @@ namespace l4d::train {
 namespace {
 
 constexpr uint64_t kMeasureEvery = 8;  // steps
+constexpr double kRefineBegin = 0.1;   // of the training, of --refine-times and --refine-cameras
 constexpr double kGrowth = 0.05;       // in kCycle steps
 constexpr double kLossAverage = 0.02;  // weight of a new loss in its average
 constexpr double kHighLoss = 3;        // times the average
@@ -61,9 +62,10 @@ Trainer::Trainer(const Settings& settings, const Capture& capture, const ImageLo
   schedule_.entropy_weight = settings.entropy_weight;
   schedule_.consistency_weight = settings.consistency_weight;
   schedule_.max_scale = settings.max_scale;
+  const double refined = settings.refine_times / capture.fps;  // s that views may move
   for (const Instant& instant : instants) {
     training_views_ += instant.views.size();
-    times_.push_back({instant.time, instant.last});
+    times_.push_back({instant.time - refined, instant.last + refined});
   }
   state_.camera_loss.assign(capture.cameras.size(), 0);
   store_->go_to(0);
@@ -157,6 +159,25 @@ std::vector<uint32_t> Trainer::choose_views(const Instant& instant, uint32_t ind
   return views;
 }
 
+// All but its views.
+StepInput Trainer::plan_step(double f, uint64_t step) {
+  StepInput input;
+  schedule_.rate_factor = state_.rate_factor;
+  input.adam = adam_step_at(schedule_, f, settings_.seed, step, 0);
+  input.adam.sparse = settings_.adam == "sparse";
+  input.adam.model_count = count();
+  if (settings_.density != "relocate") input.adam.noise = 0;
+  input.measure_time = settings_.temporal_split == "on" && f < kDensityEnd;
+  input.measure_gradients = settings_.density == "gradient" && f < kGradientEnd;
+  input.measure = step % kMeasureEvery == 0 && settings_.density != "off";
+  input.measure_cameras = !state_.refined.empty() && f >= kRefineBegin;
+  if (has_alpha_) {
+    const Random4 r = philox(settings_.seed, step, 0, Use::kBackground);
+    for (size_t c = 0; c < 3; ++c) input.background[c] = uniform(r.v[c]);
+  }
+  return input;
+}
+
 StepReport Trainer::advance() {
   const double f = progress();
   store_->go_to(state_.step);
@@ -172,26 +193,14 @@ StepReport Trainer::advance() {
   const std::vector<uint32_t> views =
       choose_views(instant, static_cast<uint32_t>(&instant - instants_.data()), visit);
 
-  StepInput input;
-  schedule_.rate_factor = state_.rate_factor;
-  input.adam = adam_step_at(schedule_, f, settings_.seed, step, 0);
-  input.adam.sparse = settings_.adam == "sparse";
-  input.adam.model_count = count();
-  if (settings_.density != "relocate") input.adam.noise = 0;
-  input.measure_time = settings_.temporal_split == "on" && f < kDensityEnd;
-  input.measure_gradients = settings_.density == "gradient" && f < kGradientEnd;
-  input.measure = step % kMeasureEvery == 0 && settings_.density != "off";
-  if (has_alpha_) {
-    const Random4 r = philox(settings_.seed, step, 0, Use::kBackground);
-    for (size_t c = 0; c < 3; ++c) input.background[c] = uniform(r.v[c]);
-  }
+  StepInput input = plan_step(f, step);
   std::vector<Pixels> halves(views.size());
   for (size_t k = 0; k < views.size(); ++k) {
     const Pixels* pixels = &store_->image(views[k]);
     const uint32_t camera = capture_.views[views[k]].camera;
     StepView view;
     view.camera = loader_.camera(camera);
-    view.time = capture_.views[views[k]].time;
+    view.time = capture_.time_of(views[k]);
     view.image = views[k];
     const std::vector<uint8_t>& mask = loader_.mask(camera);
     const bool is_half = f < kHalfResolution && mask.empty() &&
@@ -232,6 +241,10 @@ StepReport Trainer::advance() {
     watch_cameras(output, views);
     report.density = change_density(step, f);
     renew_motion();
+    if (input.measure_cameras) {
+      report.views = views;
+      report.view_gradients = output.view_gradients;
+    }
   }
   report.count = count();
   return report;
@@ -507,15 +520,15 @@ std::vector<std::string> Trainer::take_notes() {
 }
 
 io::Image Trainer::render(uint32_t view) {
-  const CaptureView& v = capture_.views[view];
-  const l4d_camera& camera = loader_.camera(v.camera);
-  if (residence_ == nullptr || residence_->visit(v.time)) {
-    return backend_->render(camera, v.time, background_.data());
+  const double time = capture_.time_of(view);
+  const l4d_camera& camera = loader_.camera_of(view);
+  if (residence_ == nullptr || residence_->visit(time)) {
+    return backend_->render(camera, time, background_.data());
   }
   // More is visible then than the back end holds.
   const std::unique_ptr<Backend> host = make_cpu_backend(threads_);
-  host->load(residence_->rows_at(v.time), capture_.timeline());
-  return host->render(camera, v.time, background_.data());
+  host->load(residence_->rows_at(time), capture_.timeline());
+  return host->render(camera, time, background_.data());
 }
 
 }  // namespace l4d::train

@@ -22,6 +22,14 @@ class CapacityError : public io::Error {
   explicit CapacityError(const std::string& what) : Error(L4D_ERR_LIMIT_EXCEEDED, what) {}
 };
 
+// What is known of a training camera beyond its capture (run/train/refine.h).
+struct RefinedCamera {
+  CameraChange change{};
+  CameraChange m{};                 // mean of the loss's derivative
+  std::array<double, 64> square{};  // and of its outer product, [8, 8]
+  double updates = 0;
+};
+
 // What changes besides the model, and is part of a checkpoint.
 struct RunState {
   uint64_t step = 0;         // steps done
@@ -37,6 +45,7 @@ struct RunState {
   // Of trainings whose model is not all in the back end.
   uint64_t windows = 0;  // of images that steps draw from; 0 = all that are in memory
   uint64_t period = 0;   // 1 + that of the images for which rows were last moved; 0 = none yet
+  std::vector<RefinedCamera> refined;  // by camera; empty: they stay as the capture has them
 };
 
 // What a step came to.
@@ -47,6 +56,9 @@ struct StepReport {
   double psnr = 0;  // dB, of their mean squared error
   uint64_t count = 0;
   DensityChange density;
+  // Of each view, by its camera and clock; only where cameras are refined.
+  std::vector<uint32_t> views;
+  std::vector<ViewGradient> view_gradients;
   uint64_t skipped_rows = 0;
 };
 
@@ -108,6 +120,7 @@ class Trainer {
  private:
   const Instant& choose_instant(uint64_t* visit) const;
   std::vector<uint32_t> choose_views(const Instant& instant, uint32_t index, uint64_t visit) const;
+  StepInput plan_step(double progress, uint64_t step);
   void renew_motion();  // what --consistency-weight pulls rows to
   void update_exposures(const StepOutput& output, const std::vector<uint32_t>& views, double f);
   void guard(const StepReport& report, const StepOutput& output,
