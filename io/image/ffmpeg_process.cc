@@ -100,8 +100,9 @@ FfmpegProcess::FfmpegProcess(const std::string& subject, const std::vector<std::
   if (error != 0) {
     pid_ = -1;
     if (error == ENOENT) {
-      throw Error(L4D_ERR_IO,
-                  subject + ": videos need the program ffmpeg, which is not there: install ffmpeg");
+      throw Error(L4D_ERR_IO, subject +
+                                  ": videos and EXR images need the program ffmpeg, which is not "
+                                  "there: install ffmpeg");
     }
     fail("cannot start ffmpeg", error);
   }

@@ -34,12 +34,13 @@ class FfmpegProcess {
   void finish();
   // Throws `what` and ffmpeg's own words, after finish().
   [[noreturn]] void fail(const std::string& what);
+  // What it has said, after finish(): errors, of which it may say that all went well.
+  std::string words();
 
  private:
   void close_stream();
   int wait();  // exit status; negative where a signal ended it
   [[noreturn]] void fail_with_words(int exit_status);
-  std::string words();  // that ffmpeg has left
 
   std::string subject_;
   FileHandle errors_;  // what ffmpeg writes to its standard error
