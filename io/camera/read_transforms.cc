@@ -40,7 +40,7 @@ std::string image_of(const std::string& path, const std::string& name, bool look
   const std::string own = fs::path(image).extension().string();
   const bool is_image = std::any_of(std::begin(kImageExtensions), std::end(kImageExtensions),
                                     [&](const char* extension) { return own == extension; });
-  return is_image || own == ".exr" || own == ".webp" ? image : image + ".png";
+  return is_image || own == ".webp" ? image : image + ".png";
 }
 
 // A frame's own number, else that of the file.

@@ -13,7 +13,9 @@
 
 namespace l4d::io {
 
-// Colours as they are stored and shown, nominally in [0, 1]: no transfer function is ever applied.
+// Colours as they are shown, nominally in [0, 1]: as the file has them, without any transfer
+// function. Of EXR, whose colours are of light, they are what its picture has as a PNG: by the
+// transfer function of sRGB.
 struct Image {
   uint32_t width = 0, height = 0;
   std::vector<float> rgb;  // [height, width, 3]
@@ -44,11 +46,13 @@ void write_png(const std::string& path, const Image& image, const Check& check =
 // Width and height of a PNG from its first bytes; false if they are not those of a PNG.
 constexpr size_t kPngSizeBytes = 24;
 bool png_size(const uint8_t* begin /* [24] */, uint32_t* size /* [2] */);
-// The same of a file, a PNG or a JPEG; false if it is neither or cannot be read.
+// The same of a file, a PNG, a JPEG or an EXR; false if it is none or cannot be read. Throws what
+// read_image throws of the header of an EXR.
 bool image_size(const std::string& path, uint32_t* size /* [2] */);
 
 // What names of files that read_image reads end with.
-constexpr const char* kImageExtensions[] = {".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"};
+constexpr const char* kImageExtensions[] = {".png", ".jpg", ".jpeg", ".exr",
+                                            ".PNG", ".JPG", ".JPEG", ".EXR"};
 
 // What an image has to be, and what counts it.
 struct ImageLimits {
@@ -56,10 +60,13 @@ struct ImageLimits {
   Hold holder;                     // counts the file and what reading it takes
 };
 
-// Any PNG or JPEG of up to L4D_MAX_IMAGE_SIDE pixels a side. 16-bit values keep their precision,
+// Any PNG or JPEG of up to L4D_MAX_IMAGE_SIDE pixels a side, or an EXR (io/image/exr_header.h says
+// which), decoded by the program ffmpeg. Values of 16 bits and floats keep their precision,
 // what is transparent lies on black, gamma and colour profiles are left aside as most programs of
 // the field do. A JPEG is taken as it is stored, as COLMAP does; if the limits name its size with
 // width and height exchanged, it is turned as its EXIF orientation says.
+// Colours of an EXR, which have been multiplied by alpha, are divided by it, clamped, and shown by
+// the transfer function of sRGB.
 // Throws L4D_ERR_CORRUPT, before any pixel is decoded, if the image has another size than the
 // limits.
 Image read_image(const std::string& path, const ImageLimits& limits = {});
@@ -68,7 +75,7 @@ Image read_image(const std::string& path, const ImageLimits& limits = {});
 Image read_image(const std::string& path, std::vector<float>* alpha,
                  const ImageLimits& limits = {});
 // The same as bytes, from which from_bytes makes these values. Nothing if the file has 16 bits a
-// channel.
+// channel, or is a whole EXR.
 std::optional<ByteImage> read_image_bytes(const std::string& path, const ImageLimits& limits = {});
 
 // Images of one height beside each other.

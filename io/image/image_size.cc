@@ -3,6 +3,7 @@
 #include <system_error>
 
 #include "io/file/file.h"
+#include "io/image/exr_header.h"
 #include "io/image/image.h"
 
 namespace l4d::io {
@@ -52,7 +53,12 @@ bool image_size(const std::string& path, uint32_t* size) {
   uint8_t begin[kPngSizeBytes];
   if (!take(file, begin, 2)) return false;
   if (begin[0] == 0xff && begin[1] == 0xd8) return jpeg_size(file, size);
-  return take(file, begin + 2, sizeof begin - 2) && png_size(begin, size);
+  if (!take(file, begin + 2, sizeof begin - 2)) return false;
+  if (!is_exr(begin, sizeof begin)) return png_size(begin, size);
+  const ExrHeader header = read_exr_header(&file);
+  size[0] = header.width;
+  size[1] = header.height;
+  return true;
 }
 
 }  // namespace l4d::io

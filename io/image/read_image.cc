@@ -60,9 +60,8 @@ ByteImage bytes_of(StoredImage in) {
 }
 
 // Nothing if it has more than `deepest` bits a channel.
-std::optional<StoredImage> decode(const std::string& path, unsigned deepest,
+std::optional<StoredImage> decode(const ImageFile& file, unsigned deepest,
                                   const ImageLimits& limits) {
-  const ImageFile file(path, limits);
   if (is_jpeg(file)) return decode_jpeg(file, limits);
   return decode_png(file, deepest, limits);
 }
@@ -84,6 +83,11 @@ ImageFile::ImageFile(const std::string& name, const ImageLimits& limits) : path(
   const size_t known = file.read(begin, sizeof(begin));
   uint32_t size[2];
   if (png_size(begin, size)) check_image_size(path, size[0], size[1], limits);
+  if (is_exr(begin, known)) {
+    exr = read_exr_header(&file);
+    check_image_size(path, exr->width, exr->height, limits);
+    file.seek(known);
+  }
   memory = hold(limits.holder, file.size(), path);
   bytes.resize(static_cast<size_t>(file.size()));
   std::copy_n(begin, known, bytes.begin());
@@ -104,12 +108,21 @@ Image read_image(const std::string& path, const ImageLimits& limits) {
 }
 
 Image read_image(const std::string& path, std::vector<float>* alpha, const ImageLimits& limits) {
-  return with_memory(path, [&] { return values_of(*decode(path, 16, limits), alpha); });
+  return with_memory(path, [&] {
+    const ImageFile file(path, limits);
+    if (file.exr) return decode_exr(file, alpha, limits);
+    return values_of(*decode(file, 16, limits), alpha);
+  });
 }
 
 std::optional<ByteImage> read_image_bytes(const std::string& path, const ImageLimits& limits) {
   return with_memory(path, [&]() -> std::optional<ByteImage> {
-    std::optional<StoredImage> stored = decode(path, 8, limits);
+    const ImageFile file(path, limits);
+    if (file.exr) {
+      check_exr(file);
+      return std::nullopt;
+    }
+    std::optional<StoredImage> stored = decode(file, 8, limits);
     if (!stored) return std::nullopt;
     return bytes_of(std::move(*stored));
   });
