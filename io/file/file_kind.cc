@@ -115,6 +115,7 @@ constexpr Magic kMagics[] = {{"NGSP"sv, ".spz"},
                              {"\x89HDF\r\n\x1a\n"sv, ".h5"},
                              {"\x89PNG"sv, ".png"},
                              {"\xff\xd8\xff"sv, ".jpg"},
+                             {"\x76\x2f\x31\x01"sv, ".exr"},
                              {"GIF8"sv, ".gif"},
                              {"WEBP"sv, ".webp", 8},
                              {"ftyp"sv, ".mp4", 4},
@@ -124,7 +125,8 @@ constexpr Magic kMagics[] = {{"NGSP"sv, ".spz"},
                              {"#EXTM3U"sv, ".m3u8"}};
 
 // All of whose files have one of these.
-constexpr std::string_view kAlwaysMagic[] = {".glb", ".npy", ".png", ".jpg", ".jpeg", ".gif"};
+constexpr std::string_view kAlwaysMagic[] = {".glb",  ".npy", ".png", ".jpg",
+                                             ".jpeg", ".exr", ".gif"};
 
 }  // namespace
 
