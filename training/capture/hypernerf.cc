@@ -121,7 +121,7 @@ class HypernerfReader {
       }
     }
     throw io::Error(L4D_ERR_IO, folder_.string() + ": image " + id +
-                                    ": cannot open it: rgb/2x has no such PNG or JPEG");
+                                    ": cannot open it: rgb/2x has no such PNG, JPEG or EXR");
   }
 
   void add(const std::string& id, const Json& metadata, const char* split) {

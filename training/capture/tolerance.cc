@@ -38,14 +38,20 @@ std::string trouble_of(const std::string& path, const l4d_camera& camera, bool t
   const io::FileHandle file(std::fopen(path.c_str(), "rb"));
   if (!file) return "cannot open " + path;
   uint32_t size[2];
-  if (!io::image_size(path, size)) return path + " is no PNG or JPEG";
-  const bool is_jpeg = std::fgetc(file.get()) == 0xff;
+  try {
+    if (!io::image_size(path, size)) return path + " is no PNG, JPEG or EXR";
+  } catch (const io::Error& error) {
+    return error.what();
+  }
+  const int first = std::fgetc(file.get());
+  const bool is_jpeg = first == 0xff, is_exr = first == 0x76;
   const bool fits = size[0] == camera.width && size[1] == camera.height;
   // A JPEG may be turned, and have more behind its end.
   if (is_jpeg && (!fits || (to_end && !ends_with(file.get(), kJpegEnd)))) {
     return trouble_of_decoding(path, camera);
   }
-  if (!is_jpeg && to_end && !ends_with(file.get(), kPngEnd)) return path + " is cut off";
+  if (is_exr && fits && to_end) return trouble_of_decoding(path, camera);
+  if (!is_jpeg && !is_exr && to_end && !ends_with(file.get(), kPngEnd)) return path + " is cut off";
   if (fits) return "";
   return path + " has " + std::to_string(size[0]) + " x " + std::to_string(size[1]) +
          " pixels, and the camera has " + std::to_string(camera.width) + " x " +

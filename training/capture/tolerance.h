@@ -13,7 +13,7 @@
 namespace l4d::train {
 
 // What is wrong with the image of a camera, as far as its first and last bytes say: "" for a whole
-// PNG or JPEG of the camera's size. Images that are damaged in the middle are not found.
+// PNG, JPEG or EXR of the camera's size. Images that are damaged in the middle are not found.
 std::string trouble_of_image(const std::string& path, const l4d_camera& camera);
 
 // Throws what a training would find when it reads the images and masks, as far as their first bytes

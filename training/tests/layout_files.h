@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "libl4dcodec/base/half.h"
+#include "tests/common/exr.h"
 #include "tests/common/jpeg.h"
 #include "training/capture/capture.h"
 #include "training/tests/tiny_capture.h"
@@ -51,13 +53,31 @@ inline std::string digits(double value) {
   return text;
 }
 
-// From a PNG to a PNG or a JPEG.
+// As light, of which a half keeps more than 8 bits of a PNG.
+inline std::string exr_of_image(const io::Image& image) {
+  l4d::test::ExrForm form;
+  form.width = image.width;
+  form.height = image.height;
+  form.channels = {{"B", {}}, {"G", {}}, {"R", {}}};
+  for (size_t i = 0; i < image.rgb.size(); ++i) {
+    const float v = image.rgb[i];
+    const float light = v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f);
+    form.channels[2 - i % 3].second.push_back(float_to_half(light));
+  }
+  return l4d::test::exr_of(form);
+}
+
+// From a PNG to a PNG, a JPEG or an EXR.
 inline void copy_image(const std::string& from, const std::string& to) {
   if (std::filesystem::path(to).extension() == ".png") {
     std::filesystem::copy_file(from, to);
     return;
   }
   const io::Image image = io::read_image(from);
+  if (std::filesystem::path(to).extension() == ".exr") {
+    write_text(to, exr_of_image(image));
+    return;
+  }
   std::vector<uint8_t> bytes(image.rgb.size());
   io::to_bytes(image.rgb.data(), bytes.size(), bytes.data());
   write_text(to, l4d::test::jpeg_of(image.width, image.height, bytes));

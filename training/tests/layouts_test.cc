@@ -318,6 +318,39 @@ TEST(Layouts, TakeJpegsAndImagesFromOneOn) {
   }
 }
 
+TEST(Layouts, TakeExrsAsTheirPngs) {
+  if (!l4d::test::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
+  const Truth truth;
+  const test::Folder folder;
+  write_colmap(truth, folder / "capture", false, "%05u.exr");
+  CaptureOptions options = options_of("colmap");
+  options.tolerant = true;
+  const Capture capture = read_capture(folder / "capture", options);
+  ASSERT_EQ(capture.views.size(), kCameras * kFrames);
+  check_image_files(capture);
+  ImageLoader(capture, 1).load({1, 7}, 1, [&](uint32_t view, const Pixels& pixels) {
+    const CaptureView& of = capture.views[view];
+    const io::Image image = io::read_image(truth.image(of.camera, of.frame));
+    std::vector<uint8_t> bytes(image.rgb.size());
+    io::to_bytes(image.rgb.data(), bytes.size(), bytes.data());
+    EXPECT_EQ(pixels.rgb, bytes);
+    EXPECT_TRUE(pixels.alpha.empty());
+  });
+  const std::string file = capture.views[kCameras].file;  // frame 1 of camera 0
+  fs::resize_file(file, fs::file_size(file) - 1);
+  EXPECT_EQ(read_capture(folder / "capture", options).frames, 1U);
+  l4d::test::ExrForm luminance;
+  luminance.channels = {{"Y", {0}}};
+  write_text(file, l4d::test::exr_of(luminance));
+  options.tolerant = false;
+  try {
+    check_image_files(read_capture(folder / "capture", options));
+    ADD_FAILURE();
+  } catch (const io::Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr(file + ": an EXR with the channels Y"));
+  }
+}
+
 std::string npy_of(const std::vector<double>& values, size_t rows) {
   std::string header = "{'descr': '<f8', 'fortran_order': False, 'shape': (" +
                        std::to_string(rows) + ", " + std::to_string(values.size() / rows) +
