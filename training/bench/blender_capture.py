@@ -2,8 +2,8 @@
 """Renders a capture whose cameras are known exactly, with Blender (3.4 or later).
 
 usage: blender --background --factory-startup --python training/bench/blender_capture.py -- FOLDER
-               [--scene hard] [--size 1024x768] [--cameras 20] [--frames 300] [--fps 30]
-               [--samples 64] [--threads N] [--points N]
+               [--scene hard] [--size 1024x768] [--cameras 20] [--arc 360] [--frames 300] [--fps 30]
+               [--samples 64] [--threads N] [--points N] [--ground]
 
 FOLDER becomes a capture for `l4dtrain train FOLDER`: cameras.json and images/camNN/%04d.png. The
 scene `hard` has what captures of people lack or hide: wires and spokes that are thinner than a
@@ -11,7 +11,8 @@ pixel of small images, a wheel that turns twice a second, a ball that bounces th
 one that circles it, a mirror, a chromed ball and glass. The scene `railway` is a toy for the
 gallery of `./dev web --site --blender`: a train circles a hill, a mill turns; it comes back to
 where it began after 4 s, and its images have alpha. `--points` also writes points.ply, so many
-points of each frame, for `l4dtrain train --init`. Cycles renders on the processor, without motion
+points of each frame, for `l4dtrain train --init`. `--ground` puts the scene on a ground of many colours,
+by which the places of cameras can be found, and images have no alpha. Cycles renders on the processor, without motion
 blur. Equal options give equal images on one version of Blender and kind of machine. Images that are
 there already stay, so that a rendering which was interrupted goes on.
 
@@ -36,11 +37,11 @@ from blender_points import Points  # noqa: E402
 TEST_EVERY = 8  # cameras
 
 
-def make_cameras(count, chosen):
-    """Cameras on three rings that look at the centre of the scene, no two in one direction."""
+def make_cameras(count, arc, chosen):
+    """Cameras on three rings, or so many degrees of them, that look at the centre of the scene, no two in one direction."""
     made = []
     for k in range(count):
-        angle = 2 * math.pi * k / count
+        angle = math.radians(arc) * k / count
         up = math.radians(chosen.HEIGHTS[k % 3])
         away = Vector((math.cos(angle) * math.cos(up), math.sin(angle) * math.cos(up),
                        math.sin(up)))
@@ -53,6 +54,18 @@ def make_cameras(count, chosen):
         made.append(camera)
     bpy.context.view_layer.update()
     return made
+
+
+def add_ground(below):
+    """A wide plane whose spots have colours of their own."""
+    bpy.ops.mesh.primitive_plane_add(size=30, location=(0, 0, below))
+    material = bpy.data.materials.new("ground")
+    material.use_nodes = True
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    spots = nodes.new("ShaderNodeTexVoronoi")
+    spots.inputs["Scale"].default_value = 60
+    links.new(spots.outputs["Color"], nodes["Principled BSDF"].inputs["Base Color"])
+    bpy.context.object.data.materials.append(material)
 
 
 def describe(index, camera, width, height):
@@ -75,10 +88,11 @@ def set_up_rendering(options, chosen):
     scene.render.resolution_x, scene.render.resolution_y = options.width, options.height
     scene.render.resolution_percentage = 100
     scene.render.use_motion_blur = False
-    scene.render.film_transparent = chosen.IS_CLEAR
+    is_clear = chosen.IS_CLEAR and not options.ground
+    scene.render.film_transparent = is_clear
     scene.render.use_persistent_data = True
     scene.render.image_settings.file_format = "PNG"
-    scene.render.image_settings.color_mode = "RGBA" if chosen.IS_CLEAR else "RGB"
+    scene.render.image_settings.color_mode = "RGBA" if is_clear else "RGB"
     scene.render.image_settings.color_depth = "8"
     scene.view_settings.view_transform = "Standard"
     if options.threads:
@@ -103,12 +117,14 @@ def arguments():
     parser.add_argument("--scene", default="hard", choices=("hard", "railway"))
     parser.add_argument("--size", default="1024x768")
     parser.add_argument("--cameras", type=int, default=20)
+    parser.add_argument("--arc", type=float, default=360, help="degrees around the scene")
     parser.add_argument("--frames", type=int, default=300)
     parser.add_argument("--fps", type=float, default=30)
     parser.add_argument("--samples", type=int, default=64, help="rays of a pixel")
     parser.add_argument("--threads", type=int, default=0, help="0: one per core")
     parser.add_argument("--points", type=int, default=0,
                         help="points of each frame in points.ply, on what training cameras see")
+    parser.add_argument("--ground", action="store_true")
     own = sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else []
     options = parser.parse_args(own)
     try:
@@ -127,11 +143,13 @@ def main():
     chosen = importlib.import_module(f"blender_{options.scene}")
     scene = set_up_rendering(options, chosen)
     chosen.still_things()
+    if options.ground:
+        add_ground(-0.35)
     still = set(bpy.data.objects)
     movements = chosen.moving_things()
     moving = set(bpy.data.objects) - still
     chosen.lights()
-    cameras = make_cameras(options.cameras, chosen)
+    cameras = make_cameras(options.cameras, options.arc, chosen)
     folder = options.folder.resolve()
     points = Points([c for k, c in enumerate(cameras) if k % TEST_EVERY != 0],
                     options.width / options.height, moving)
