@@ -35,6 +35,36 @@ double apart(const l4d_camera& a, const l4d_camera& b) {
   return sum / seen;
 }
 
+// Of the right scene, which stays as it is.
+struct Training {
+  explicit Training(Capture* capture)
+      : loader(*capture, 1),
+        instants(instants_of(*capture, "train")),
+        store(make_image_store(loader, instants, {}, nullptr)),
+        backend(make_cpu_backend(1)),
+        trainer(settings(), *capture, loader, instants, store.get(), backend.get(), 1),
+        refinement(settings(), capture, &loader, &trainer) {
+    trainer.start(model_of(test::tiny_truth()));
+    trainer.state().rate_factor = 0;
+  }
+  static Settings settings() {
+    Settings settings;
+    settings.steps = 450;
+    settings.views = 4;
+    settings.exposure = "off";
+    settings.density = "off";
+    settings.refine_times = 2;
+    settings.refine_cameras = 2;
+    return settings;
+  }
+  ImageLoader loader;
+  std::vector<Instant> instants;
+  std::unique_ptr<ImageStore> store;
+  std::unique_ptr<Backend> backend;
+  Trainer trainer;
+  Refinement refinement;
+};
+
 // The scene is right, and some numbers of two cameras are not.
 TEST(Refine, FindsClocksPlacesAndLenses) {
   constexpr uint32_t kTurned = 6, kLate = 10;
@@ -51,21 +81,10 @@ TEST(Refine, FindsClocksPlacesAndLenses) {
                    [](const CaptureView& a, const CaptureView& b) { return a.time < b.time; });
   const Capture given = capture;
 
-  Settings settings;
-  settings.steps = 450;
-  settings.views = 4;
-  settings.exposure = "off";
-  settings.density = "off";
-  settings.refine_times = 2;
-  settings.refine_cameras = 2;
-  ImageLoader loader(capture, 1);
-  const std::vector<Instant> instants = instants_of(capture, "train");
-  const std::unique_ptr<ImageStore> store = make_image_store(loader, instants, {}, nullptr);
-  const std::unique_ptr<Backend> backend = make_cpu_backend(1);
-  Trainer trainer(settings, capture, loader, instants, store.get(), backend.get(), 1);
-  trainer.start(model_of(test::tiny_truth()));
-  trainer.state().rate_factor = 0;  // the scene stays
-  Refinement refinement(settings, &capture, &loader, &trainer);
+  Training training(&capture);
+  Trainer& trainer = training.trainer;
+  Refinement& refinement = training.refinement;
+  const ImageLoader& loader = training.loader;
   while (!trainer.done()) {
     const StepReport step = trainer.advance();
     EXPECT_EQ(step.view_gradients.empty(), step.progress < 0.1);
@@ -110,6 +129,23 @@ TEST(Refine, FindsClocksPlacesAndLenses) {
   }
   again.cameras.pop_back();
   EXPECT_THROW(follow_refined(folder / "refined.json", &again, &its), io::Error);
+}
+
+// Where all steps of a camera go one way; what is no number is left out.
+TEST(Refine, EndsAtItsBounds) {
+  Capture capture = read_capture(test::tiny_capture(), {});
+  Training training(&capture);
+  StepReport step;
+  step.progress = 0.1;
+  step.views = {training.instants[0].views[1]};
+  const CaptureCamera& camera = capture.cameras[capture.views[step.views[0]].camera];
+  step.view_gradients = {{0, 0, 0, 0, 0, 0, 0, std::nan(""), 0}};
+  training.refinement.advance(step);
+  EXPECT_EQ(camera.change, CameraChange{});
+  step.view_gradients = {{1e-3, 0, 0, 0, 0, 0, 0, 0, 0}};
+  for (int k = 0; k < 300; ++k) training.refinement.advance(step);
+  EXPECT_DOUBLE_EQ(camera.change[kTime], -2 / capture.fps);
+  EXPECT_THAT(training.refinement.notes()[1], testing::HasSubstr("at the bound"));
 }
 
 // A world that moves is no change of the cameras in it, but for the one that also moves by itself.

@@ -153,10 +153,20 @@ void Refinement::advance(const StepReport& step) {
   for (size_t k = 0; k < step.views.size(); ++k) {
     const uint32_t camera = capture_.views[step.views[k]].camera;
     ViewGradient of_view = step.view_gradients[k];
+    if (!std::all_of(of_view.begin(), of_view.end(), [](double v) { return std::isfinite(v); })) {
+      continue;
+    }
     for (double& number : of_view) number *= count;  // by the loss of the view alone
     update(of_view, rate, bounds_[camera], &refined[camera]);
   }
   hold_medians(capture_, cameras_, &refined);
+  for (const uint32_t camera : cameras_) {
+    for (size_t k = 0; k < bounds_[camera].size(); ++k) {
+      const double bound = bounds_[camera][k];
+      double& number = refined[camera].change[k];
+      number = std::clamp(number, -bound, bound);
+    }
+  }
   use_changes();
 }
 
@@ -194,8 +204,7 @@ void Refinement::update(const ViewGradient& by_view, double rate, const CameraCh
   const Eigen::VectorXd change = solver.operatorInverseSqrt() * mean;
   for (Eigen::Index a = 0; a < n; ++a) {
     const size_t k = free[static_cast<size_t>(a)];
-    camera->change[k] =
-        std::clamp(camera->change[k] - rate * bound[k] * change[a], -bound[k], bound[k]);
+    camera->change[k] -= rate * bound[k] * change[a];
   }
 }
 
