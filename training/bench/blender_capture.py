@@ -24,6 +24,7 @@ import importlib
 import json
 import math
 import pathlib
+import random
 import sys
 
 import bpy
@@ -57,15 +58,23 @@ def make_cameras(count, arc, chosen):
 
 
 def add_ground(below):
-    """A wide plane whose spots have colours of their own."""
+    """A wide plane and blocks on it, with spots of all sizes, no two of them alike."""
     bpy.ops.mesh.primitive_plane_add(size=30, location=(0, 0, below))
     material = bpy.data.materials.new("ground")
     material.use_nodes = True
     nodes, links = material.node_tree.nodes, material.node_tree.links
-    spots = nodes.new("ShaderNodeTexVoronoi")
-    spots.inputs["Scale"].default_value = 60
-    links.new(spots.outputs["Color"], nodes["Principled BSDF"].inputs["Base Color"])
+    spots, ramp = nodes.new("ShaderNodeTexNoise"), nodes.new("ShaderNodeValToRGB")
+    spots.inputs["Scale"].default_value, spots.inputs["Detail"].default_value = 80, 6
+    ramp.color_ramp.elements[0].position, ramp.color_ramp.elements[1].position = 0.42, 0.58
+    links.new(spots.outputs["Fac"], ramp.inputs["Fac"])
+    links.new(ramp.outputs["Color"], nodes["Principled BSDF"].inputs["Base Color"])
     bpy.context.object.data.materials.append(material)
+    draw = random.Random(1)
+    for _ in range(60):
+        away, angle, size = draw.uniform(2.4, 7), draw.uniform(0, 2 * math.pi), draw.uniform(0.15, 0.6)
+        place = (away * math.cos(angle), away * math.sin(angle), below + size / 2)
+        bpy.ops.mesh.primitive_cube_add(size=size, location=place, rotation=(0, 0, angle))
+        bpy.context.object.data.materials.append(material)
 
 
 def describe(index, camera, width, height):
