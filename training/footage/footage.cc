@@ -116,8 +116,10 @@ fs::path find_places(const fs::path& work, const FootageOptions& options, const 
           "--ImageReader.camera_model", options.lens, "--SiftExtraction.use_gpu", "0",
           "--SiftExtraction.num_threads", threads});
   step("matching features");
+  // A second look by what the first has found of two cameras: several times as many matches of
+  // cameras 20 degrees apart.
   colmap({"exhaustive_matcher", "--database_path", database, "--SiftMatching.use_gpu", "0",
-          "--SiftMatching.num_threads", threads});
+          "--SiftMatching.guided_matching", "1", "--SiftMatching.num_threads", threads});
   step("finding places");
   colmap({"mapper", "--database_path", database, "--image_path", images, "--output_path",
           models.string(), "--Mapper.num_threads", threads});
