@@ -103,6 +103,7 @@ constexpr const char* kKeys[] = {"frames",
                                  "k6",
                                  "p1",
                                  "p2",
+                                 "distortion_params",
                                  "applied_transform",
                                  "applied_scale",
                                  "aabb_scale",
@@ -275,6 +276,19 @@ class TransformsReader {
     for (size_t k = 0; k < 6; ++k) read(kNames[k], &out.k[k]);
     read("p1", &out.p[0]);
     read("p2", &out.p[1]);
+    // nerfstudio's own order of the same.
+    const Json& owner = owner_of(frame, root_, "distortion_params");
+    if (owner.contains("distortion_params")) {
+      const Json& list = owner.at("distortion_params");
+      double* const places[] = {&out.k[0], &out.k[1], &out.k[2], &out.k[3], &out.p[0], &out.p[1]};
+      if (!list.is_array() || list.size() != std::size(places)) {
+        place.fail("distortion_params is not a list of 6 numbers");
+      }
+      for (size_t k = 0; k < std::size(places); ++k) {
+        *places[k] = finite_number(place, list[k], "distortion_params");
+        any |= *places[k] != 0;
+      }
+    }
     const bool is_rational = lens == Lens::kRational || out.k[4] != 0 || out.k[5] != 0;
     if (lens == Lens::kFisheye) {
       out.model = Distortion::Model::kFisheye;

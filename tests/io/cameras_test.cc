@@ -210,6 +210,10 @@ TEST_F(CamerasTest, TransformsOfADistortedLens) {
   EXPECT_EQ(lens.model, Distortion::Model::kRadial);
   EXPECT_EQ(lens.k[0], 0.1);
   EXPECT_EQ(lens.p[1], 0.01);
+  lens = lens_with(R"("distortion_params": [0.1, 0.2, 0.3, 0, 0.01, 0.02], )");
+  EXPECT_EQ(lens.k[0], 0.1);
+  EXPECT_EQ(lens.k[2], 0.3);
+  EXPECT_EQ(lens.p[1], 0.02);
   lens = lens_with(R"("k1": 0.1, "k4": 0.02, "k5": 0.03, "k6": 0.04, )");
   EXPECT_EQ(lens.model, Distortion::Model::kRadial);
   EXPECT_EQ(lens.k[5], 0.04);
@@ -230,7 +234,8 @@ TEST_F(CamerasTest, TransformsOfADistortedLens) {
     EXPECT_NE(message.find(model), std::string::npos) << message;
   }
   for (const char* keys :
-       {R"("latlong": true, )", R"("k4": 0.02, )", R"("is_fisheye": true, "k5": 1, )"}) {
+       {R"("latlong": true, )", R"("k4": 0.02, )", R"("distortion_params": [0, 0, 0, 1, 0, 0], )",
+        R"("is_fisheye": true, "k5": 1, )"}) {
     std::string text = test::kTransforms;
     text.insert(1, keys);
     EXPECT_EQ(status("transforms.json", text, &message), L4D_ERR_FEATURE_UNSUPPORTED) << keys;
