@@ -25,6 +25,7 @@ constexpr uint64_t kMinStart = 120000;  // Gaussians to begin with
 // s: of the temporal standard deviations of random points, where a part of the model is away. Those
 // of a longer life would be in the back end all the time.
 constexpr double kLongestLife = 10;
+constexpr int kEnoughCameras = 8;  // for --refine-cameras
 
 class Run {
  public:
@@ -51,6 +52,7 @@ class Run {
                                                options_.threads, parts_.residence.get());
     parts_.trainer->set_background(options_.background);
     if (settings_.refine_times > 0 || settings_.refine_cameras > 0) {
+      note_few_cameras();
       parts_.refinement = std::make_unique<Refinement>(settings_, &capture_, parts_.loader.get(),
                                                        parts_.trainer.get());
     }
@@ -92,6 +94,16 @@ class Run {
     check_scale(scale, capture_, *parts_.loader);
     parts_.say(capture_.notes);
     check_sizes(parts_.lpips.get(), capture_, *parts_.loader);
+  }
+
+  void note_few_cameras() {
+    const auto training =
+        std::count_if(capture_.cameras.begin(), capture_.cameras.end(),
+                      [](const CaptureCamera& camera) { return camera.split == "train"; });
+    if (settings_.refine_cameras == 0 || training >= kEnoughCameras) return;
+    parts_.say("Only " + std::to_string(training) +
+               " cameras train: so few do not tell errors of places from those of the scene, and "
+               "--refine-cameras may move cameras that are right");
   }
 
   // Before anything large is allocated.
