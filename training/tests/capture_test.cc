@@ -167,6 +167,22 @@ TEST(Captures, FramesOfAnotherTimeAreLeftOut) {
   expect_error(write_document(document), {}, L4D_ERR_CORRUPT, {"camera 3", "1e+06 s", "no frame"});
 }
 
+// Whatever the clocks of cameras say.
+TEST(Captures, SheetsAreInTheOrderOfCameras) {
+  json document = tiny_document();
+  document["cameras"][0]["time_offset"] = 0.04;
+  const std::string folder = write_document(document);
+  inspect(folder, {}, folder + "/sheet.png", "", 1);
+  const io::Image sheet = io::read_image(folder + "/sheet.png");
+  const io::Image first = io::read_image(folder + "/images/cam00/0000.png");
+  for (size_t y = 0; y < first.height; ++y) {
+    EXPECT_TRUE(std::equal(&first.rgb[3 * y * first.width],
+                           &first.rgb[3 * (y + 1) * first.width - 1],
+                           &sheet.rgb[3 * y * sheet.width]))
+        << y;
+  }
+}
+
 TEST(Captures, MissingFrames) {
   json document = tiny_document();
   document["frames"] = 25;

@@ -65,8 +65,8 @@ void check_sheet(const std::string& sheet, const std::string& path, const Captur
   }
 }
 
-// The first image of each camera, small, by view: what of a capture cannot be decoded is found so,
-// whatever its first bytes say. Of captures with a camera for each image, of many.
+// The first image of each camera, small, by camera: what of a capture cannot be decoded is found
+// so, whatever its first bytes say. Of captures with a camera for each image, of many.
 std::map<uint32_t, Pixels> first_images(const Capture& capture, uint32_t threads) {
   std::map<uint32_t, uint32_t> first;  // view by camera
   for (uint32_t k = 0; k < capture.views.size(); ++k) first.emplace(capture.views[k].camera, k);
@@ -80,28 +80,28 @@ std::map<uint32_t, Pixels> first_images(const Capture& capture, uint32_t threads
   std::mutex mutex;
   loader.load(views, threads, [&](uint32_t view, Pixels pixels) {
     const std::lock_guard<std::mutex> lock(mutex);
-    images[view] = std::move(pixels);
+    images[capture.views[view].camera] = std::move(pixels);
   });
   return images;
 }
 
 // The images of up to kMaxCameras cameras, in rows.
 void write_sheet(const std::string& path, const std::map<uint32_t, Pixels>& images) {
-  std::vector<uint32_t> views;
-  for (const auto& [view, pixels] : images) {
-    if (views.size() < kMaxCameras) views.push_back(view);
+  std::vector<uint32_t> cameras;
+  for (const auto& [camera, pixels] : images) {
+    if (cameras.size() < kMaxCameras) cameras.push_back(camera);
   }
   uint32_t width = 1, height = 1;
-  for (const auto& [view, pixels] : images) {
+  for (const auto& [camera, pixels] : images) {
     width = std::max(width, pixels.width);
     height = std::max(height, pixels.height);
   }
-  const size_t columns = std::min(kColumns, views.size());
-  const size_t rows = (views.size() + columns - 1) / columns;
+  const size_t columns = std::min(kColumns, cameras.size());
+  const size_t rows = (cameras.size() + columns - 1) / columns;
   io::Image sheet(static_cast<uint32_t>(columns * width), static_cast<uint32_t>(rows * height));
   constexpr Colour kGrey = {0.5F, 0.5F, 0.5F};
-  for (size_t k = 0; k < views.size(); ++k) {
-    const io::Image image = image_of(images.at(views[k]), kGrey);
+  for (size_t k = 0; k < cameras.size(); ++k) {
+    const io::Image image = image_of(images.at(cameras[k]), kGrey);
     const size_t left = k % columns * width, top = k / columns * height;
     for (size_t y = 0; y < image.height; ++y) {
       std::copy_n(&image.rgb[3 * y * image.width], 3 * image.width,
