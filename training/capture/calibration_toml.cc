@@ -2,7 +2,9 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <cctype>
 #include <filesystem>
+#include <set>
 
 #include "io/file/file.h"
 #include "io/image/video.h"
@@ -97,6 +99,9 @@ io::Camera camera_of(const CameraPlace& place, const toml::table& table, int id)
   camera.camera.width = static_cast<uint32_t>(size[0]);
   camera.camera.height = static_cast<uint32_t>(size[1]);
   set_pinhole(place, numbers_of(place, table, "matrix", 9).data(), &camera.camera);
+  // OpenCV has the centre of the first pixel at 0, 0.
+  camera.camera.cx += 0.5;
+  camera.camera.cy += 0.5;
   if (table["fisheye"].value_or(false)) {
     const std::vector<double> k = numbers_of(place, table, "distortions", 4);
     camera.distortion.model = io::Distortion::Model::kFisheye;
@@ -122,33 +127,98 @@ std::vector<fs::path> videos_of(const fs::path& folder) {
   return {};
 }
 
-// The only video whose name has the camera's; else, where there are as many of both, by order.
+// What all of several names begin and end with, taken off.
+std::vector<std::string> own_parts(std::vector<std::string> names) {
+  if (names.size() < 2) return names;
+  size_t begin = 0, end = 0;
+  const auto all_have = [&](const auto& letter) {
+    return std::all_of(names.begin(), names.end(), [&](const std::string& name) {
+      return begin + end < name.size() && letter(name) == letter(names[0]);
+    });
+  };
+  while (all_have([&](const std::string& name) { return name[begin]; })) ++begin;
+  while (all_have([&](const std::string& name) { return name[name.size() - 1 - end]; })) ++end;
+  for (std::string& name : names) name = name.substr(begin, name.size() - begin - end);
+  return names;
+}
+
+bool has_word(const std::string& text, const std::string& word) {
+  const auto kind = [](char c) {
+    const auto byte = static_cast<unsigned char>(c);
+    return std::isdigit(byte) != 0 ? 1 : std::isalpha(byte) != 0 ? 2 : 3;
+  };
+  for (size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) {
+    const size_t end = at + word.size();
+    const bool begins = at == 0 || kind(text[at - 1]) != kind(word.front());
+    if (begins && (end == text.size() || kind(text[end]) != kind(word.back()))) return true;
+  }
+  return false;
+}
+
+// For each camera the place of its video, where each has one and no two the same: cameras by the
+// video of their name, else of what is their own in it, else whose name has the camera's as a
+// word, or in it.
+std::vector<size_t> pairs_of(const std::vector<std::string>& names,
+                             const std::vector<std::string>& stems) {
+  const std::vector<std::string> own_names = own_parts(names), own_stems = own_parts(stems);
+  const auto is_of = [&](int how, size_t name, size_t stem) {
+    if (how == 0) return stems[stem] == names[name];
+    if (how == 1) return !own_names[name].empty() && own_stems[stem] == own_names[name];
+    if (how == 2) return has_word(stems[stem], names[name]);
+    return stems[stem].find(names[name]) != std::string::npos;
+  };
+  for (int how = 0; how < 4; ++how) {
+    std::vector<size_t> pairs;
+    for (size_t n = 0; n < names.size(); ++n) {
+      std::vector<size_t> found;
+      for (size_t s = 0; s < stems.size(); ++s) {
+        if (is_of(how, n, s)) found.push_back(s);
+      }
+      if (found.size() == 1) pairs.push_back(found[0]);
+    }
+    const std::set<size_t> each(pairs.begin(), pairs.end());
+    if (each.size() == names.size()) return pairs;
+  }
+  return {};
+}
+
+// Where no video has the name of a camera, and there are as many of both, they pair by order.
 void pair(const CameraPlace& file, const std::vector<std::string>& names, io::CameraSet* set) {
   const std::vector<fs::path> videos = videos_of(fs::path(file.path).parent_path());
-  bool by_order = false;
-  for (size_t k = 0; k < names.size(); ++k) {
-    std::vector<fs::path> found;
-    for (const fs::path& video : videos) {
-      if (video.stem().string().find(names[k]) != std::string::npos) found.push_back(video);
-    }
-    if (found.size() == 1) {
-      set->cameras[k].video = found[0].string();
-    } else if (videos.size() == names.size()) {
-      by_order = true;
-    } else {
-      const CameraPlace place{file.path, "camera " + names[k]};
-      place.fail(L4D_ERR_IO, "the names of " + std::to_string(found.size()) + " of " +
-                                 std::to_string(videos.size()) +
-                                 " videos have its own; one must, or there are as many videos as "
-                                 "cameras");
-    }
+  std::vector<std::string> stems;
+  for (const fs::path& video : videos) stems.push_back(video.stem().string());
+  const std::vector<size_t> pairs = pairs_of(names, stems);
+  for (size_t k = 0; k < pairs.size(); ++k) set->cameras[k].video = videos[pairs[k]].string();
+  if (!pairs.empty()) return;
+  std::vector<size_t> with_it;  // by camera: videos
+  for (const std::string& name : names) {
+    with_it.push_back(
+        static_cast<size_t>(std::count_if(stems.begin(), stems.end(), [&](const std::string& stem) {
+          return stem.find(name) != std::string::npos;
+        })));
   }
-  if (!by_order) return;
+  const bool are_unlike = *std::max_element(with_it.begin(), with_it.end()) == 0;
+  if (!are_unlike || videos.size() != names.size()) {
+    const auto worst =
+        std::find_if(with_it.begin(), with_it.end(), [](size_t count) { return count != 1; });
+    const size_t k = worst == with_it.end() ? 0 : static_cast<size_t>(worst - with_it.begin());
+    const CameraPlace place{file.path, "camera " + names[k]};
+    place.fail(L4D_ERR_IO, "the names of " + std::to_string(with_it[k]) + " of " +
+                               std::to_string(videos.size()) +
+                               " videos have its own; one must for each camera, or none, and there "
+                               "are as many videos as cameras");
+  }
   for (size_t k = 0; k < names.size(); ++k) set->cameras[k].video = videos[k].string();
   set->notes.push_back("Videos pair with cameras by the order of their names.");
 }
 
 }  // namespace
+
+bool is_toml_calibration(const std::string& file) {
+  const std::vector<uint8_t> text = io::read_whole_file(file);
+  constexpr std::string_view kKey = "matrix";
+  return std::search(text.begin(), text.end(), kKey.begin(), kKey.end()) != text.end();
+}
 
 Capture read_toml_capture(const std::string& file, const CaptureOptions& options) {
   const TomlFile toml(file, options.holder);
@@ -172,6 +242,11 @@ Capture read_toml_capture(const std::string& file, const CaptureOptions& options
     names.push_back(table["name"].value_or(key));
     set.cameras.push_back(
         camera_of({file, "camera " + names.back()}, table, static_cast<int>(set.cameras.size())));
+  }
+  for (const std::string& name : names) {
+    if (std::count(names.begin(), names.end(), name) > 1) {
+      place.fail("two of its cameras have the name " + name);
+    }
   }
   pair(place, names, &set);
   Capture capture = make_video_capture(file, set, options);

@@ -243,7 +243,16 @@ Capture read_layout(const std::string& path, const CaptureOptions& options) {
   const std::vector<std::string> panoptic = files_like(place, "calibration_", ".json");
   if (panoptic.size() == 1) return read_panoptic_capture(panoptic[0], options);
   std::vector<std::string> tables = files_like(place, "", ".toml");
-  if (tables.empty() && is_folder) tables = files_like(place / "calibration", "", ".toml");
+  // What programs are to do is in files of TOML, too.
+  if (is_folder) {
+    for (std::string& table : files_like(place / "calibration", "", ".toml")) {
+      tables.push_back(std::move(table));
+    }
+    tables.erase(
+        std::remove_if(tables.begin(), tables.end(),
+                       [](const std::string& table) { return !is_toml_calibration(table); }),
+        tables.end());
+  }
   if (tables.size() == 1) return read_toml_capture(tables[0], options);
   // Another name for cameras.json, as `l4dtrain sync -o` writes them; transforms_val.json and its
   // like are parts of a capture.

@@ -109,5 +109,7 @@ Capture read_colmap_capture(const std::string& folder, const CaptureOptions& opt
 Capture read_dynamic3dgs_capture(const std::string& folder, const CaptureOptions& options);
 Capture read_panoptic_capture(const std::string& file, const CaptureOptions& options);
 Capture read_toml_capture(const std::string& file, const CaptureOptions& options);
+// Whether it may be one: other files of TOML say what programs are to do.
+bool is_toml_calibration(const std::string& file);
 
 }  // namespace l4d::train

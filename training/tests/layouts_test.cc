@@ -436,8 +436,8 @@ void write_toml(const Truth& truth, const std::string& folder) {
     const l4d_camera& k = truth.cameras[c];
     const double* m = k.world_to_camera;
     text += "[cam_" + std::to_string(c) + "]\nname = \"" + name_of(c) +
-            "\"\nsize = [64, 48]\nmatrix = [[" + digits(k.fx) + ", 0.0, " + digits(k.cx) +
-            "], [0.0, " + digits(k.fy) + ", " + digits(k.cy) +
+            "\"\nsize = [64, 48]\nmatrix = [[" + digits(k.fx) + ", 0.0, " + digits(k.cx - 0.5) +
+            "], [0.0, " + digits(k.fy) + ", " + digits(k.cy - 0.5) +
             "], [0.0, 0.0, 1.0]]\ndistortions = [0.0, 0.0, 0.0, 0.0]\nrotation = [0.0, 0.0, 0.0]\n"
             "translation = [" +
             digits(m[3]) + ", " + digits(m[7]) + ", " + digits(m[11]) + "]\n";
@@ -779,6 +779,56 @@ TEST(Layouts, TomlIsNamedWhereItIsWrong) {
   expect("[a]\nmatrix = 3\n", L4D_ERR_CORRUPT, "camera a: size is no list");
   expect(good + "fisheye = true\n", L4D_ERR_CORRUPT, "camera a: distortions has 5 numbers, not 4");
   expect(good, L4D_ERR_IO, "camera a: the names of 0 of 0 videos");
+  std::string twice = good;
+  twice.insert(4, "name = \"b\"\n");
+  expect(twice + "[c]\nname = \"b\"" + good.substr(3), L4D_ERR_CORRUPT,
+         "two of its cameras have the name b");
+}
+
+// Names that are in each other's, or only partly those of videos.
+TEST(Layouts, VideosOfTomlAreThoseOfTheirNames) {
+  if (!l4d::test::ffmpeg_available()) GTEST_SKIP() << "no ffmpeg";
+  const test::Folder folder;
+  const Videos& made = made_videos();
+  const auto capture_of = [&](const std::vector<std::string>& names,
+                              const std::vector<std::string>& videos) {
+    fs::remove_all(folder / "c");
+    std::string text;
+    for (size_t c = 0; c < names.size(); ++c) {
+      text += "[" + std::string(1, static_cast<char>('a' + c)) + "]\nname = \"" + names[c] +
+              "\"\nsize = [64, 48]\nmatrix = [[64, 0, 31.5], [0, 64, 23.5], [0, 0, 1]]\n"
+              "distortions = [0, 0, 0, 0]\nrotation = [0, 0, 0]\ntranslation = [" +
+              digits(0.5 * static_cast<double>(c)) + ", 0, 4]\n";
+      fs::create_directories(folder / "c/videos");
+      fs::copy_file(made.path + "/" + name_of(0) + ".mp4",
+                    folder / ("c/videos/" + videos[c] + ".mp4"));
+    }
+    write_text(folder / "c/Config.toml", "[project]\nframe_rate = 10\n");
+    write_text(folder / "c/calibration/Calib.toml", text);
+    return read_capture(folder / "c", {});
+  };
+  const std::vector<std::pair<std::vector<std::string>, std::vector<std::string>>> cases = {
+      {{"cam1", "cam2", "cam10", "cam11"}, {"cam1", "cam2", "cam10", "cam11"}},
+      {{"cam1", "cam2", "cam10", "cam11"}, {"s_cam1", "s_cam2", "s_cam10", "s_cam11"}},
+      {{"2", "1", "3", "10"}, {"s1-cam2", "s1-cam1", "s1-cam3", "s1-cam10"}},
+      {{"B", "A", "C", "D"}, {"apr-B-cam", "mon-A-cam", "jun-C-cam", "dec-D-cam"}}};
+  for (const auto& [names, videos] : cases) {
+    const Capture capture = capture_of(names, videos);
+    ASSERT_EQ(capture.cameras.size(), 4U);
+    for (size_t c = 0; c < 4; ++c) {
+      EXPECT_THAT(capture.cameras[c].source.video, testing::EndsWith("/" + videos[c] + ".mp4"));
+      EXPECT_EQ(capture.cameras[c].source.camera.cx, 32);
+    }
+    EXPECT_THAT(capture.notes, testing::Not(testing::Contains(HasSubstr("by the order"))));
+  }
+  const Capture by_order = capture_of({"a", "b", "c"}, {"1", "2", "3"});
+  EXPECT_THAT(by_order.notes, testing::Contains(HasSubstr("by the order of their names")));
+  try {
+    capture_of({"cam1", "cam2", "cam3"}, {"cam1", "one", "two"});
+    ADD_FAILURE() << "which is of cam2?";
+  } catch (const io::Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("camera cam2: the names of 0 of 3 videos"));
+  }
 }
 
 }  // namespace
