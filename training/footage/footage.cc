@@ -114,7 +114,9 @@ fs::path find_places(const fs::path& work, const FootageOptions& options, const 
   step("looking for features");
   colmap({"feature_extractor", "--database_path", database, "--image_path", images,
           "--ImageReader.camera_model", options.lens, "--SiftExtraction.use_gpu", "0",
-          "--SiftExtraction.num_threads", threads});
+          // What looks the same from 20 degrees aside.
+          "--SiftExtraction.estimate_affine_shape", "1", "--SiftExtraction.domain_size_pooling",
+          "1", "--SiftExtraction.num_threads", threads});
   step("matching features");
   // A second look by what the first has found of two cameras: several times as many matches of
   // cameras 20 degrees apart.
@@ -122,7 +124,10 @@ fs::path find_places(const fs::path& work, const FootageOptions& options, const 
           "--SiftMatching.guided_matching", "1", "--SiftMatching.num_threads", threads});
   step("finding places");
   colmap({"mapper", "--database_path", database, "--image_path", images, "--output_path",
-          models.string(), "--Mapper.num_threads", threads});
+          models.string(), "--Mapper.num_threads", threads,
+          // Of the first two cameras: degrees and matches. Neighbours on a rig are less than the 16
+          // degrees apart that COLMAP asks of photos.
+          "--Mapper.init_min_tri_angle", "6", "--Mapper.init_min_num_inliers", "60"});
   return models;
 }
 

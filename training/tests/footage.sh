@@ -50,5 +50,5 @@ a, b = distances(truth), distances(found)
 scale = sum(x * y for x, y in zip(a, b)) / sum(y * y for y in b)
 worst = max(abs(x - scale * y) for x, y in zip(a, b)) / max(a)
 print("distances between cameras are off by at most %.3f of the largest" % worst)
-assert worst < 0.06, worst
+assert worst < 0.03, worst
 PY
