@@ -214,10 +214,12 @@ void pair(const CameraPlace& file, const std::vector<std::string>& names, io::Ca
 
 }  // namespace
 
-bool is_toml_calibration(const std::string& file) {
-  const std::vector<uint8_t> text = io::read_whole_file(file);
-  constexpr std::string_view kKey = "matrix";
-  return std::search(text.begin(), text.end(), kKey.begin(), kKey.end()) != text.end();
+bool is_toml_calibration(const std::string& path, const io::Hold& holder) {
+  io::InputFile file(path, holder);
+  const std::shared_ptr<void> memory = io::hold(holder, file.size(), path);
+  std::string text(static_cast<size_t>(file.size()), '\0');
+  text.resize(file.read(text.data(), text.size()));
+  return text.find("matrix") != std::string::npos;
 }
 
 Capture read_toml_capture(const std::string& file, const CaptureOptions& options) {
@@ -243,10 +245,9 @@ Capture read_toml_capture(const std::string& file, const CaptureOptions& options
     set.cameras.push_back(
         camera_of({file, "camera " + names.back()}, table, static_cast<int>(set.cameras.size())));
   }
+  std::set<std::string> each;
   for (const std::string& name : names) {
-    if (std::count(names.begin(), names.end(), name) > 1) {
-      place.fail("two of its cameras have the name " + name);
-    }
+    if (!each.insert(name).second) place.fail("two of its cameras have the name " + name);
   }
   pair(place, names, &set);
   Capture capture = make_video_capture(file, set, options);

@@ -248,10 +248,11 @@ Capture read_layout(const std::string& path, const CaptureOptions& options) {
     for (std::string& table : files_like(place / "calibration", "", ".toml")) {
       tables.push_back(std::move(table));
     }
-    tables.erase(
-        std::remove_if(tables.begin(), tables.end(),
-                       [](const std::string& table) { return !is_toml_calibration(table); }),
-        tables.end());
+    tables.erase(std::remove_if(tables.begin(), tables.end(),
+                                [&](const std::string& table) {
+                                  return !is_toml_calibration(table, options.holder);
+                                }),
+                 tables.end());
   }
   if (tables.size() == 1) return read_toml_capture(tables[0], options);
   // Another name for cameras.json, as `l4dtrain sync -o` writes them; transforms_val.json and its

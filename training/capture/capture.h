@@ -110,6 +110,6 @@ Capture read_dynamic3dgs_capture(const std::string& folder, const CaptureOptions
 Capture read_panoptic_capture(const std::string& file, const CaptureOptions& options);
 Capture read_toml_capture(const std::string& file, const CaptureOptions& options);
 // Whether it may be one: other files of TOML say what programs are to do.
-bool is_toml_calibration(const std::string& file);
+bool is_toml_calibration(const std::string& path, const io::Hold& holder);
 
 }  // namespace l4d::train

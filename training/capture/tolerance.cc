@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "io/file/file.h"
+#include "io/image/exr_header.h"
 #include "io/image/image.h"
 #include "libl4dcodec/base/threads.h"
 
@@ -43,8 +44,9 @@ std::string trouble_of(const std::string& path, const l4d_camera& camera, bool t
   } catch (const io::Error& error) {
     return error.what();
   }
-  const int first = std::fgetc(file.get());
-  const bool is_jpeg = first == 0xff, is_exr = first == 0x76;
+  uint8_t begin[io::kExrMagicBytes];
+  const size_t known = std::fread(begin, 1, sizeof begin, file.get());
+  const bool is_jpeg = known > 0 && begin[0] == 0xff, is_exr = io::is_exr(begin, known);
   const bool fits = size[0] == camera.width && size[1] == camera.height;
   // A JPEG may be turned, and have more behind its end.
   if (is_jpeg && (!fits || (to_end && !ends_with(file.get(), kJpegEnd)))) {

@@ -200,7 +200,8 @@ void add_train(CLI::App& app, Arguments& a) {
                    "what the capture says, up to 10; auto: 2 where it has time offsets, else 0")
       ->capture_default_str();
   verb->add_option("--refine-cameras", s.refine_cameras,
-                   "Likewise how they are turned, within so many degrees, up to 5, and, within the "
+                   "Likewise how they are turned, within so many degrees about each axis, up to 5, "
+                   "and, within the "
                    "same angle of the radius and of the focal length, where they are and their "
                    "focal lengths")
       ->capture_default_str();

@@ -42,9 +42,9 @@ struct ViewMemory {
 struct StepCounts {
   uint32_t stop, stop_any;  // of the views here; of those of all back ends that share the step
   unsigned long long skipped_rows;
-  DeviceDensityChange density;
-  DeviceLossSums views[kMaxDeviceViews];
   ViewGradient view_gradients[kMaxDeviceViews];
+  DeviceDensityChange density;  // what comes before it each step begins with at 0
+  DeviceLossSums views[kMaxDeviceViews];
 };
 // What the host tells a step.
 struct StepNumbers {
@@ -289,8 +289,6 @@ DeviceLossBatch CudaBackend::loss_batch(const StepInput& input, ViewRange range)
 void CudaBackend::clear_sums(const StepInput& input) {
   check_cuda(cudaMemsetAsync(counts_.data(), 0, offsetof(StepCounts, density), stream_),
              "clearing counters");
-  check_cuda(cudaMemsetAsync(counts()->view_gradients, 0, sizeof counts()->view_gradients, stream_),
-             "clearing derivatives by cameras");
   check_cuda(cudaMemsetAsync(model_.shown(), 0, model_.count, stream_), "clearing flags");
   if (input.measure || input.measure_gradients) {
     check_cuda(

@@ -84,6 +84,10 @@ TEST(Training, ResumesWithTheSameBits) {
   const std::string refined = test::bytes_of(folder / "whole/refined.json");
   EXPECT_TRUE(refined == test::bytes_of(folder / "parts/refined.json"));
   ASSERT_EQ(report.refined.size(), 4U);
+  EXPECT_EQ(std::count_if(
+                report.notes.begin(), report.notes.end(),
+                [](const std::string& note) { return note.rfind("Only 4 cameras train", 0) == 0; }),
+            1);
   EXPECT_NE(report.refined[0].second, CameraChange{});
   // The run is compared with the cameras that it has found.
   const RunReport again = evaluate_run(folder / "parts", "", options, "", &listener);

@@ -210,8 +210,7 @@ void Refinement::update(const ViewGradient& by_view, double rate, const CameraCh
 
 std::vector<std::string> Refinement::notes() const {
   std::vector<std::string> notes;
-  const auto say = [&](const char* what, const char* unit, const char* option, double bound,
-                       const auto& size_of) {
+  const auto say = [&](const char* unit, const char* option, const auto& size_of) {
     std::vector<double> sizes;
     for (const uint32_t c : cameras_) sizes.push_back(size_of(capture_.cameras[c].change));
     const auto most = std::max_element(sizes.begin(), sizes.end());
@@ -223,20 +222,26 @@ std::vector<std::string> Refinement::notes() const {
                   "half of the cameras are within %.4f %s.",
                   option, name.c_str(), *most, unit, median(sizes), unit);
     notes.emplace_back(text);
-    if (*most < 0.99 * bound) return;
-    notes.push_back("The " + std::string(what) + " of " + name + " is at the bound of " + option +
-                    ".");
   };
   if (settings_.refine_times > 0) {
-    say("clock", "s", "--refine-times", settings_.refine_times / capture_.fps,
-        [](const CameraChange& change) { return std::abs(change[kTime]); });
+    say("s", "--refine-times", [](const CameraChange& change) { return std::abs(change[kTime]); });
   }
   if (settings_.refine_cameras > 0) {
-    say("rotation", "degrees", "--refine-cameras", settings_.refine_cameras,
-        [](const CameraChange& change) {
-          return std::hypot(change[kTurn], change[kTurn + 1], change[kTurn + 2]) * 180 /
-                 3.14159265358979323846;
-        });
+    say("degrees", "--refine-cameras", [](const CameraChange& change) {
+      return std::hypot(change[kTurn], change[kTurn + 1], change[kTurn + 2]) * 180 /
+             3.14159265358979323846;
+    });
+  }
+  // Of any number: its time, a turn, a move, its focal length.
+  for (const uint32_t camera : cameras_) {
+    const CaptureCamera& of = capture_.cameras[camera];
+    for (size_t k = 0; k < of.change.size(); ++k) {
+      const double bound = bounds_[camera][k];
+      if (bound == 0 || std::abs(of.change[k]) < 0.99 * bound) continue;
+      notes.push_back(of.name + " is at the bound of " +
+                      (k == kTime ? "--refine-times." : "--refine-cameras."));
+      break;
+    }
   }
   return notes;
 }
