@@ -63,6 +63,7 @@ struct CameraSet {
   uint64_t image_memory = 0;
   // What 1 in the times of cameras stands for. D-NeRF does not say; the caller must.
   double seconds = 1;
+  std::string points;              // a PLY of points of the scene; "" = none
   std::string source;              // "cameras_json", "transforms", "poses_bounds", "orbit"
   std::vector<std::string> notes;  // assumptions made, one sentence each, for people
 };

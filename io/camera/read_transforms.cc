@@ -104,6 +104,8 @@ constexpr const char* kKeys[] = {"frames",
                                  "p1",
                                  "p2",
                                  "distortion_params",
+                                 "mask_path",
+                                 "ply_file_path",
                                  "applied_transform",
                                  "applied_scale",
                                  "aabb_scale",
@@ -195,6 +197,9 @@ class TransformsReader {
     const bool leaves = leaves_folder(image);
     out.image = image_of(path_, image, any_path_ || !leaves);
     if (leaves) out.outside = out.image;
+    const std::string mask = text_or(place, frame, "mask_path", "");
+    out.mask = beside(path_, mask);
+    if (out.outside.empty() && leaves_folder(mask)) out.outside = out.mask;
     if (frame.contains("time")) {
       out.time = number(place, frame, "time");
       if (!(*out.time >= 0 && *out.time <= kMaxTime)) place.fail("time is not from 0 to 1e9");
@@ -333,6 +338,21 @@ class TransformsReader {
     camera.height = size[1];
   }
 
+  // nerfstudio's points, which are in the coordinates of the poses.
+  void find_points(const CameraPlace& file) {
+    const std::string name = text_or(file, root_, "ply_file_path", "");
+    const std::string points = beside(path_, name);
+    if (points.empty()) return;
+    std::error_code error;
+    const bool may_be_read = any_path_ || !leaves_folder(name);
+    if (may_be_read && fs::is_regular_file(points, error)) {
+      set_.points = points;
+    } else {
+      set_.notes.push_back("The points " + name + " are " +
+                           (may_be_read ? "not there." : "outside the folder, and not read."));
+    }
+  }
+
   void finish(const CameraPlace& file) {
     if (without_size_ > 0) {
       set_.notes.push_back("Neither the file nor an image tells the size of " +
@@ -351,6 +371,7 @@ class TransformsReader {
                            " is in the poses already; scenes and points of the same capture that "
                            "it was not applied to do not fit them.");
     }
+    find_points(file);
     if (with_time_ == 0) {
       set_.frames = 1;  // a scene at rest
       return;

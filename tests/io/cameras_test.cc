@@ -245,11 +245,11 @@ TEST_F(CamerasTest, TransformsOfADistortedLens) {
 TEST_F(CamerasTest, WhatTransformsSayBesidesIsNamed) {
   std::string text = test::kTransforms;
   text.insert(1, R"("applied_transform": [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]],
-    "applied_scale": 0.5, "ply_file_path": "p.ply", "aabb_scale": 16,
+    "applied_scale": 0.5, "orientation_override": "none", "aabb_scale": 16,
     "test_filenames": ["train/r_001.jpg"], )");
   const CameraSet set = read_cameras(write("transforms.json", text));
   ASSERT_EQ(set.notes.size(), 3U);
-  EXPECT_NE(set.notes[0].find("ply_file_path"), std::string::npos) << set.notes[0];
+  EXPECT_NE(set.notes[0].find("orientation_override"), std::string::npos) << set.notes[0];
   EXPECT_NE(set.notes[1].find("applied_transform"), std::string::npos) << set.notes[1];
   EXPECT_NE(set.notes[2].find("applied_scale"), std::string::npos) << set.notes[2];
   EXPECT_EQ(set.cameras[0].split, "");
@@ -264,6 +264,24 @@ TEST_F(CamerasTest, ListsOfImagesThatDoNotFitAreNamed) {
   ASSERT_EQ(set.notes.size(), 2U);
   EXPECT_NE(set.notes[0].find("that no frame has: r_001.jpg."), std::string::npos) << set.notes[0];
   EXPECT_NE(set.notes[1].find("tests has: 1."), std::string::npos) << set.notes[1];
+}
+
+TEST_F(CamerasTest, TransformsHaveMasksAndPoints) {
+  std::string text = test::replaced(test::kTransforms, R"("file_path": "train/r_001.jpg")",
+                                    R"("mask_path": "m/1.png", "file_path": "train/r_001.jpg")");
+  text.insert(1, R"("ply_file_path": "sparse_pc.ply", )");
+  CameraSet set = read_cameras(write("transforms.json", text));
+  EXPECT_EQ(set.cameras[0].mask, "");
+  EXPECT_EQ(set.cameras[1].mask, path("m/1.png"));
+  EXPECT_EQ(set.points, "");
+  ASSERT_EQ(set.notes.size(), 1U);
+  EXPECT_NE(set.notes[0].find("sparse_pc.ply are not there"), std::string::npos) << set.notes[0];
+  write("sparse_pc.ply", "");
+  EXPECT_EQ(read_cameras(path("transforms.json")).points, path("sparse_pc.ply"));
+  text = test::replaced(text, "sparse_pc.ply", "../sparse_pc.ply");
+  set = read_cameras(write("transforms.json", test::replaced(text, "m/1.png", "../1.png")));
+  EXPECT_EQ(set.points, "");
+  EXPECT_FALSE(set.cameras[1].outside.empty());
 }
 
 TEST_F(CamerasTest, TransformsFindNamesWithDots) {

@@ -50,6 +50,7 @@ struct Capture {
   std::vector<CaptureCamera> cameras;
   std::vector<CaptureView> views;  // by time, then by camera
   std::vector<Point> points;       // that the capture comes with
+  std::string points_file;         // or where they are; "" = none
   std::vector<std::string> notes;  // assumptions, one sentence each
   io::Hold holder;                 // counts its images while they are read
   std::shared_ptr<void> memory;    // counts its views and points

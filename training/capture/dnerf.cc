@@ -19,8 +19,9 @@ using io::Error;
 
 bool same_camera(const io::Camera& one, const io::Camera& other) {
   const l4d_camera &a = one.camera, &b = other.camera;
-  bool same = io::same_lens(one.distortion, other.distortion) && a.width == b.width &&
-              a.height == b.height && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy;
+  bool same = one.mask == other.mask && io::same_lens(one.distortion, other.distortion) &&
+              a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy &&
+              a.cx == b.cx && a.cy == b.cy;
   for (size_t k = 0; k < 12; ++k) {
     same = same && std::abs(a.world_to_camera[k] - b.world_to_camera[k]) <= 1e-6;
   }
@@ -103,6 +104,7 @@ class DnerfReader {
         capture_.notes.push_back(note);
       }
     }
+    if (!set.points.empty()) capture_.points_file = set.points;
     for (const io::Camera& source : set.cameras) {
       io::require_inside(set, source);
       if (options_.tolerant) {

@@ -70,6 +70,9 @@ ImageLoader::ImageLoader(const Capture& capture, double scale, double near)
                     camera.name + ": by its " + by + ", none of its pixels counts");
       }
     }
+    if (!camera.source.mask.empty()) {
+      memory_.push_back(io::hold(capture.holder, mask.size(), camera.name + ": its mask"));
+    }
     masks_.push_back(std::move(mask));
     undistortions_.push_back(std::move(undistortion));
   }

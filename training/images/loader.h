@@ -61,6 +61,7 @@ class ImageLoader {
   std::vector<uint32_t> places_;               // of views among those of their camera
   std::vector<l4d_camera> cameras_;
   std::vector<std::vector<uint8_t>> masks_;
+  std::vector<std::shared_ptr<void>> memory_;                 // counts those of files
   std::vector<std::unique_ptr<Undistortion>> undistortions_;  // null: a pinhole
 };
 

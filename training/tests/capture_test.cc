@@ -589,6 +589,19 @@ TEST(Captures, Dnerf) {
   changed["frames"][0]["k1"] = 0.1;
   std::ofstream(folder / "transforms_train.json") << changed;
   EXPECT_EQ(read_capture(folder / "transforms_train.json", options).cameras.size(), 5U);
+  // So is one of another mask. Training begins at the points that the file names.
+  changed["frames"][1]["mask_path"] = "mask.png";
+  changed["ply_file_path"] = "points.ply";
+  std::ofstream(folder / "transforms_train.json") << changed;
+  test::write_true_points(folder / "points.ply");
+  const Capture masked = read_capture(folder / "transforms_train.json", options);
+  ASSERT_EQ(masked.cameras.size(), 6U);
+  const auto with_mask = [](const CaptureCamera& camera) { return !camera.source.mask.empty(); };
+  EXPECT_EQ(std::count_if(masked.cameras.begin(), masked.cameras.end(), with_mask), 1);
+  Settings settings;
+  EXPECT_EQ(resolved(settings, masked, 64, 48).init, folder / "points.ply");
+  settings.init = "frustum";
+  EXPECT_EQ(resolved(settings, masked, 64, 48).init, "frustum");
   // Cameras are where they were.
   const l4d_camera& a = capture.cameras[0].source.camera;
   const l4d_camera& b = source.cameras[4].source.camera;

@@ -166,11 +166,11 @@ Inspection inspect(const std::string& path, const CaptureOptions& options, const
                 "images     %zu for training, %zu for tests; %u x %u pixels\n"
                 "sequence   %u frames at %g a second: %.3f s\n"
                 "size       radius %.4g around (%.4g, %.4g, %.4g), scene units\n"
-                "points     %zu\n",
+                "points     %zu%s\n",
                 capture.layout.c_str(), capture.cameras.size(), videos, distorted, training, tests,
                 first.width, first.height, capture.frames, capture.fps, capture.duration(),
                 frame.radius, frame.center[0], frame.center[1], frame.center[2],
-                capture.points.size());
+                capture.points.size(), capture.points_file.empty() ? "" : ", and those of a file");
   Inspection result;
   result.text = text;
   result.text += "test       cameras" + (test_names.empty() ? " none" : test_names) + "\n";

@@ -252,6 +252,7 @@ Settings resolved(const Settings& settings, const Capture& capture, uint32_t wid
   s.near = near_of(settings, capture);
   s.refine_times = refine_times_of(settings, capture);
   if (s.init == "auto" && !capture.points.empty()) s.init = "capture";
+  if (s.init == "auto" && !capture.points_file.empty()) s.init = capture.points_file;
   return s;
 }
 
