@@ -12,9 +12,11 @@ using Signal = std::vector<double>;
 
 struct Offset {
   double seconds = 0;      // by which its clock is slow: its times plus this are the others'
-  double correlation = 0;  // with the mean of the others, there
+  double correlation = 0;  // with the mean of the others, as these are placed without it, there
   double elsewhere = 0;    // the best one that is a fifth of a second or more away
-  // The correlation is high, and no other place has one nearly as high.
+  double chance = 1;       // what cameras that have nothing in common reach once in 20 times
+  bool agrees = false;     // with all cameras it has the same place as with these
+  // It agrees, and the correlation is higher than by chance and than anywhere else.
   bool is_sure() const;
 };
 

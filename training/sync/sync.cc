@@ -82,13 +82,23 @@ void write_synchronised(const std::string& path, const Capture& capture,
 
 std::string ClockReport::text() const {
   std::string out = "clocks      by " + by + "\n";
+  int unknown = 0;
   for (const CameraClock& camera : cameras) {
     const Offset& found = camera.found;
     const char* verdict = camera.is_off ? "off" : found.is_sure() ? "right" : "not known";
-    char line[160];
-    std::snprintf(line, sizeof(line), "%-11s %-9s %+7.3f s  correlation %.2f, elsewhere %.2f\n",
-                  camera.name.c_str(), verdict, found.seconds, found.correlation, found.elsewhere);
+    char line[192];
+    std::snprintf(line, sizeof(line),
+                  "%-11s %-9s %+7.3f s  correlation %.2f, elsewhere %.2f, chance %.2f\n",
+                  camera.name.c_str(), verdict, found.seconds, found.correlation, found.elsewhere,
+                  found.chance);
     out += line;
+    unknown += camera.is_off || found.is_sure() ? 0 : 1;
+  }
+  if (unknown > 0) {
+    out +=
+        "what to do  clocks that are not known stay as they are: if they are within 10 frames, "
+        "`l4dtrain train --refine-times 10` may find them; a clap that all see or hear makes them "
+        "known\n";
   }
   return out;
 }
@@ -102,7 +112,8 @@ std::string ClockReport::json() const {
                               {"sure", camera.found.is_sure()},
                               {"off", camera.is_off},
                               {"correlation", camera.found.correlation},
-                              {"elsewhere", camera.found.elsewhere}});
+                              {"elsewhere", camera.found.elsewhere},
+                              {"chance", camera.found.chance}});
   }
   return out.dump(1);
 }
