@@ -143,6 +143,13 @@ class SelfcapReader {
                            nlohmann::json(item.key()).dump() + ".");
       break;
     }
+    const auto missing = std::find_if(names.begin(), names.end(), [&root](const std::string& name) {
+      return !root.contains(name);
+    });
+    if (missing != names.end()) {
+      set->notes.push_back("sync.json has no offset of " + nlohmann::json(*missing).dump() +
+                           ", which is taken to be 0.");
+    }
     for (size_t k = 0; k < names.size(); ++k) {
       set->cameras[k].time_offset = -io::number_or(place, root, names[k].c_str(), 0);
       io::check_camera({path.string(), "camera " + names[k]}, set->cameras[k]);

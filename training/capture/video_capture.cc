@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <set>
 
 #include "io/image/image.h"
@@ -183,6 +184,21 @@ void add_views(const std::string& path, double rate, Capture* capture) {
   }
 }
 
+// One of two cameras that have the same images has a wrong place.
+void note_shared_images(const std::vector<CaptureCamera>& cameras,
+                        std::vector<std::string>* notes) {
+  std::map<std::string, const CaptureCamera*> first;
+  for (const CaptureCamera& camera : cameras) {
+    const io::Camera& source = camera.source;
+    const std::string& images = source.images.empty() ? source.video : source.images;
+    const auto [at, is_new] = first.emplace(fs::path(images).lexically_normal().string(), &camera);
+    if (is_new) continue;
+    notes->push_back(at->second->name + " and " + camera.name + " have the same images: " + images +
+                     ".");
+    return;
+  }
+}
+
 }  // namespace
 
 Capture make_video_capture(const std::string& path, io::CameraSet set,
@@ -209,6 +225,7 @@ Capture make_video_capture(const std::string& path, io::CameraSet set,
     ends.push_back(end);
   }
   left_out.append_to(&capture.notes);
+  note_shared_images(capture.cameras, &capture.notes);
   if (capture.cameras.empty()) throw Error(L4D_ERR_INVALID_ARGUMENT, path + ": no camera is left");
   check_rate(path, set.fps, capture.cameras);
   double rate = set.fps;

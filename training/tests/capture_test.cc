@@ -127,6 +127,13 @@ TEST(Captures, UnknownKeysAreNamed) {
 }
 
 // Maps have such coordinates.
+TEST(Captures, CamerasOfTheSameImagesAreNamed) {
+  json document = tiny_document();
+  document["cameras"][3]["images"] = "./" + document["cameras"][1]["images"].get<std::string>();
+  EXPECT_THAT(read_capture(write_document(document), {}).notes,
+              testing::Contains(HasSubstr("camera 1 and camera 3 have the same images")));
+}
+
 TEST(Captures, CamerasFarFromTheOriginAreNamed) {
   const auto moved = [](double by) {
     json document = tiny_document();

@@ -732,6 +732,7 @@ TEST(Layouts, SelfcapOffsets) {
     EXPECT_NEAR(view.time, std::max(0.0, wanted), 1e-9);
   }
   EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("does not name: \"cam20\"")));
+  EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("no offset of \"cam00\"")));
   write_text(folder / "s/sync.json", R"({"cam02": -0.03, "cam02": 0.2})");
   expect_error(folder / "s", L4D_ERR_CORRUPT, "sync.json: an object has a key twice");
 }
