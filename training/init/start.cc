@@ -18,6 +18,7 @@ constexpr float kDc = static_cast<float>(sh_constant::k0);
 constexpr double kMinScale = 1e-4, kMaxScale = 0.05;  // of the radius
 // Points farther from the cameras than so many radii, as of the sky, may be larger in proportion.
 constexpr double kFar = 2;
+constexpr size_t kCloud = 20;                                  // points that say where things are
 constexpr float kSpatialNoise = 0.1f, kTemporalNoise = 1e-3f;  // of rotors
 
 // Uniform in the ball of radius 1 (shell: between radii `low` and `high`).
@@ -83,9 +84,29 @@ uint64_t fill_up(const Capture& capture, uint64_t count, uint64_t seed,
                  std::vector<Point>* points) {
   const uint64_t wanted = (count + 1) / 2;
   if (points->size() >= wanted) return 0;
-  const std::vector<Point> random = random_points(capture, wanted - points->size(), seed);
-  points->insert(points->end(), random.begin(), random.end());
-  return random.size();
+  const uint64_t added = wanted - points->size();
+  if (points->size() < kCloud) {
+    const std::vector<Point> random = random_points(capture, added, seed);
+    points->insert(points->end(), random.begin(), random.end());
+    return added;
+  }
+  std::vector<float> positions;
+  for (const Point& p : *points) positions.insert(positions.end(), p.position, p.position + 3);
+  const std::vector<float> apart = neighbour_distance(positions, 1);
+  const auto found = static_cast<uint32_t>(points->size());
+  for (uint64_t k = 0; k < added; ++k) {
+    const Random4 r = philox(seed, 2, k, Use::kStart);
+    const size_t from = static_cast<size_t>(uint64_t{r.v[3]} * found >> 32);
+    double direction[3];
+    random_direction(r, direction);
+    Point copy = (*points)[from];
+    const double distance = static_cast<double>(apart[from] * uniform(r.v[2]));
+    for (size_t c = 0; c < 3; ++c) {
+      copy.position[c] += static_cast<float>(distance * direction[c]);
+    }
+    points->push_back(copy);
+  }
+  return added;
 }
 
 ModelState start_model(const Capture& capture, const std::vector<Point>& points,

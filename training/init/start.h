@@ -44,8 +44,10 @@ bool sees(const l4d_camera& camera, const float* p /* [3] */);
 // a third of the cameras see it, half in a shell of 0.9 to 1.5 of that radius; random colours.
 std::vector<Point> random_points(const Capture& capture, uint64_t count, uint64_t seed);
 
-// Adds random points where there are fewer than half of `count`, up to that, and returns their
-// number: the model grows by few percent in each round, and only around what it has.
+// Adds copies of points where there are fewer than half of `count`, up to that, each moved by at
+// most the distance to the nearest other point, and returns their number: the model grows by few
+// percent in each round, and only around what it has. Random points, which a few cameras take for
+// what is near to one of them, are added only where there are fewer than 20 points.
 uint64_t fill_up(const Capture& capture, uint64_t count, uint64_t seed, std::vector<Point>* points);
 
 // Points that all views of an instant show with alpha above 1/2, of 16 instants. Empty if no image

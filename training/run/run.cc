@@ -237,7 +237,7 @@ class Run {
     const uint64_t added = fill_up(capture_, start.count, settings_.seed, &points);
     if (added > 0) {
       parts_.say("There are only " + std::to_string(found) + " points to begin with; " +
-                 std::to_string(added) + " random ones are added.");
+                 std::to_string(added) + " are added near them.");
     }
     start.count = std::max<uint64_t>(start.count, points.size());
     if (partly_away) start.capacity = std::min(start.capacity, start.count);

@@ -534,18 +534,33 @@ TEST(Random, PermutationsAreWhole) {
   EXPECT_EQ(order, all);
 }
 
-// Few points stay, and random ones make up half of what is wanted; many points stay alone.
+// Few points stay, and copies near them, of their colour and time, make up half of what is wanted;
+// many points stay alone, and next to none get random ones.
 TEST(Start, FillsUpFewPoints) {
   const Capture capture = read_capture(test::tiny_capture(), {});
   std::vector<Point> points(50);
-  for (size_t i = 0; i < points.size(); ++i) points[i].position[0] = static_cast<float>(i);
+  for (size_t i = 0; i < points.size(); ++i) {
+    points[i].position[0] = static_cast<float>(i * i);
+    points[i].rgb[0] = points[i].time = static_cast<float>(i);
+  }
+  const std::vector<Point> few(points.begin(), points.begin() + 19);
   EXPECT_EQ(fill_up(capture, 2000, 3, &points), 950U);
   ASSERT_EQ(points.size(), 1000U);
-  for (size_t i = 0; i < 50; ++i) EXPECT_EQ(points[i].position[0], static_cast<float>(i));
-  const std::vector<Point> random = random_points(capture, 950, 3);
-  EXPECT_EQ(points.back().position[1], random.back().position[1]);
+  std::vector<int> copies(50);
+  for (size_t i = 50; i < points.size(); ++i) {
+    const auto from = static_cast<size_t>(points[i].rgb[0]);
+    const float* p = points[i].position;
+    const float nearest = from == 0 ? 1 : 2 * static_cast<float>(from) - 1;
+    EXPECT_LE(std::hypot(p[0] - static_cast<float>(from * from), p[1], p[2]), nearest) << i;
+    EXPECT_EQ(points[i].time, static_cast<float>(from));
+    ++copies[from];
+  }
+  EXPECT_GT(*std::min_element(copies.begin(), copies.end()), 0);
   EXPECT_EQ(fill_up(capture, 2000, 3, &points), 0U);
   EXPECT_EQ(points.size(), 1000U);
+  points = few;
+  EXPECT_EQ(fill_up(capture, 2000, 3, &points), 981U);
+  EXPECT_EQ(points.back().position[1], random_points(capture, 981, 3).back().position[1]);
 }
 
 TEST(Neighbours, AreTheNearest) {
