@@ -2,8 +2,8 @@
 """Renders a capture whose cameras are known exactly, with Blender (3.4 or later).
 
 usage: blender --background --factory-startup --python training/bench/blender_capture.py -- FOLDER
-               [--scene hard] [--size 1024x768] [--cameras 20] [--arc 360] [--frames 300] [--fps 30]
-               [--samples 64] [--threads N] [--points N] [--ground]
+               [--scene hard] [--size 1024x768] [--cameras 20] [--arc 360] [--heights H ...]
+               [--frames 300] [--fps 30] [--samples 64] [--threads N] [--points N]
 
 FOLDER becomes a capture for `l4dtrain train FOLDER`: cameras.json and images/camNN/%04d.png. The
 scene `hard` has what captures of people lack or hide: wires and spokes that are thinner than a
@@ -11,10 +11,12 @@ pixel of small images, a wheel that turns twice a second, a ball that bounces th
 one that circles it, a mirror, a chromed ball and glass. The scene `railway` is a toy for the
 gallery of `./dev web --site --blender`: a train circles a hill, a mill turns; it comes back to
 where it began after 4 s, and its images have alpha. `--points` also writes points.ply, so many
-points of each frame, for `l4dtrain train --init`. `--ground` puts the scene on a ground of many colours,
-by which the places of cameras can be found, and images have no alpha. Cycles renders on the processor, without motion
-blur. Equal options give equal images on one version of Blender and kind of machine. Images that are
-there already stay, so that a rendering which was interrupted goes on.
+points of each frame, for `l4dtrain train --init`.
+The scene `yard` is for footage
+without places and clocks: blocks of which no two are alike, balls that jump, a cart that halts.
+Cycles renders on the processor, without motion blur. Equal options give equal images on one version
+of Blender and kind of machine. Images that are there already stay, so that a rendering which was
+interrupted goes on.
 
 `./dev setup blender` installs Blender on Debian and Ubuntu.
 """
@@ -24,7 +26,6 @@ import importlib
 import json
 import math
 import pathlib
-import random
 import sys
 
 import bpy
@@ -38,12 +39,12 @@ from blender_points import Points  # noqa: E402
 TEST_EVERY = 8  # cameras
 
 
-def make_cameras(count, arc, chosen):
-    """Cameras on three rings, or so many degrees of them, that look at the centre of the scene, no two in one direction."""
+def make_cameras(count, arc, heights, chosen):
+    """Cameras on rings, or so many degrees of them, that look at the centre of the scene."""
     made = []
     for k in range(count):
         angle = math.radians(arc) * k / count
-        up = math.radians(chosen.HEIGHTS[k % 3])
+        up = math.radians(heights[k % len(heights)])
         away = Vector((math.cos(angle) * math.cos(up), math.sin(angle) * math.cos(up),
                        math.sin(up)))
         place = chosen.CENTRE + chosen.RADIUS * away
@@ -55,26 +56,6 @@ def make_cameras(count, arc, chosen):
         made.append(camera)
     bpy.context.view_layer.update()
     return made
-
-
-def add_ground(below):
-    """A wide plane and blocks on it, with spots of all sizes, no two of them alike."""
-    bpy.ops.mesh.primitive_plane_add(size=30, location=(0, 0, below))
-    material = bpy.data.materials.new("ground")
-    material.use_nodes = True
-    nodes, links = material.node_tree.nodes, material.node_tree.links
-    spots, ramp = nodes.new("ShaderNodeTexNoise"), nodes.new("ShaderNodeValToRGB")
-    spots.inputs["Scale"].default_value, spots.inputs["Detail"].default_value = 80, 6
-    ramp.color_ramp.elements[0].position, ramp.color_ramp.elements[1].position = 0.42, 0.58
-    links.new(spots.outputs["Fac"], ramp.inputs["Fac"])
-    links.new(ramp.outputs["Color"], nodes["Principled BSDF"].inputs["Base Color"])
-    bpy.context.object.data.materials.append(material)
-    draw = random.Random(1)
-    for _ in range(60):
-        away, angle, size = draw.uniform(2.4, 7), draw.uniform(0, 2 * math.pi), draw.uniform(0.15, 0.6)
-        place = (away * math.cos(angle), away * math.sin(angle), below + size / 2)
-        bpy.ops.mesh.primitive_cube_add(size=size, location=place, rotation=(0, 0, angle))
-        bpy.context.object.data.materials.append(material)
 
 
 def describe(index, camera, width, height):
@@ -97,11 +78,10 @@ def set_up_rendering(options, chosen):
     scene.render.resolution_x, scene.render.resolution_y = options.width, options.height
     scene.render.resolution_percentage = 100
     scene.render.use_motion_blur = False
-    is_clear = chosen.IS_CLEAR and not options.ground
-    scene.render.film_transparent = is_clear
+    scene.render.film_transparent = chosen.IS_CLEAR
     scene.render.use_persistent_data = True
     scene.render.image_settings.file_format = "PNG"
-    scene.render.image_settings.color_mode = "RGBA" if is_clear else "RGB"
+    scene.render.image_settings.color_mode = "RGBA" if chosen.IS_CLEAR else "RGB"
     scene.render.image_settings.color_depth = "8"
     scene.view_settings.view_transform = "Standard"
     if options.threads:
@@ -123,17 +103,18 @@ def without_text(png):
 def arguments():
     parser = argparse.ArgumentParser(prog="blender_capture.py")
     parser.add_argument("folder", type=pathlib.Path)
-    parser.add_argument("--scene", default="hard", choices=("hard", "railway"))
+    parser.add_argument("--scene", default="hard", choices=("hard", "railway", "yard"))
     parser.add_argument("--size", default="1024x768")
     parser.add_argument("--cameras", type=int, default=20)
     parser.add_argument("--arc", type=float, default=360, help="degrees around the scene")
+    parser.add_argument("--heights", type=float, nargs="+",
+                        help="of cameras above the horizon, degrees, in turn")
     parser.add_argument("--frames", type=int, default=300)
     parser.add_argument("--fps", type=float, default=30)
     parser.add_argument("--samples", type=int, default=64, help="rays of a pixel")
     parser.add_argument("--threads", type=int, default=0, help="0: one per core")
     parser.add_argument("--points", type=int, default=0,
                         help="points of each frame in points.ply, on what training cameras see")
-    parser.add_argument("--ground", action="store_true")
     own = sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else []
     options = parser.parse_args(own)
     try:
@@ -152,13 +133,12 @@ def main():
     chosen = importlib.import_module(f"blender_{options.scene}")
     scene = set_up_rendering(options, chosen)
     chosen.still_things()
-    if options.ground:
-        add_ground(-0.35)
     still = set(bpy.data.objects)
     movements = chosen.moving_things()
     moving = set(bpy.data.objects) - still
     chosen.lights()
-    cameras = make_cameras(options.cameras, options.arc, chosen)
+    cameras = make_cameras(options.cameras, options.arc, options.heights or chosen.HEIGHTS,
+                           chosen)
     folder = options.folder.resolve()
     points = Points([c for k, c in enumerate(cameras) if k % TEST_EVERY != 0],
                     options.width / options.height, moving)
@@ -166,12 +146,13 @@ def main():
         for place in movements:
             place(frame / options.fps)
         points.add(options.points, frame / options.fps)
-        scene.cycles.seed = frame if chosen.NOISE_MOVES else 0
         for index, camera in enumerate(cameras):
             path = folder / f"images/cam{index:02d}/{frame:04d}.png"
             if path.exists():
                 continue
             scene.camera = camera
+            scene.cycles.seed = {"none": 0, "frame": frame,
+                                 "image": frame * len(cameras) + index}[chosen.NOISE]
             # Blender adds .png; what is not whole yet has another name.
             scene.render.filepath = str(path.with_name(f"new-{frame:04d}.png"))
             bpy.ops.render.render(write_still=True)

@@ -12,7 +12,7 @@ CENTRE = Vector((0, 0, 0.7))
 FIELD = math.radians(48)  # of view, horizontally
 HEIGHTS = (14, 30, 46)  # of cameras above the horizon, degrees
 BOUNCES = 6  # of light at most
-NOISE_MOVES = False  # frames have the same noise
+NOISE = "none"  # moves: frames have the same
 IS_CLEAR = False  # without a background, so that images have alpha
 
 

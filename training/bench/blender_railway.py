@@ -14,7 +14,7 @@ CENTRE = Vector((0, 0, 0.15))
 FIELD = math.radians(48)  # of view, horizontally
 HEIGHTS = (16, 30, 44)  # of cameras above the horizon, degrees
 BOUNCES = 2  # of light at most
-NOISE_MOVES = True  # each frame has noise of its own, which a training averages
+NOISE = "frame"  # each has noise of its own, which a training averages
 IS_CLEAR = True  # without a background, so that images have alpha
 
 LAP = 4.0  # s
