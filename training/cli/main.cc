@@ -190,7 +190,8 @@ int run_footage(Arguments& a, Terminal& terminal) {
   for (const std::string& note : report.notes) terminal.note(note);
   terminal.clear();
   if (!a.quiet) {
-    std::printf("%s: %zu cameras\n%s", a.folder.c_str(), report.cameras,
+    std::printf("%s: %zu cameras, %.1f to %.1f degrees of view wide\n%s", a.folder.c_str(),
+                report.cameras, report.least_field, report.largest_field,
                 report.clocks.text().c_str());
   }
   return kExitOk;

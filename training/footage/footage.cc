@@ -168,6 +168,16 @@ class Unfinished {
   fs::path path_;
 };
 
+void find_fields(const Capture& capture, FootageReport* report) {
+  report->least_field = 180;
+  for (const CaptureCamera& camera : capture.cameras) {
+    const l4d_camera& lens = camera.source.camera;
+    const double field = 360 / 3.141592653589793 * std::atan(0.5 * lens.width / lens.fx);
+    report->least_field = std::min(report->least_field, field);
+    report->largest_field = std::max(report->largest_field, field);
+  }
+}
+
 void link_or_copy(const fs::path& from, const fs::path& to) {
   std::error_code error;
   fs::create_hard_link(from, to, error);
@@ -247,6 +257,7 @@ FootageReport make_capture(const std::string& footage, const std::string& out,
   reading.tolerant = options.tolerant;
   const Capture capture = read_capture(file, reading);
   report.cameras = capture.cameras.size();
+  find_fields(capture, &report);
   report.clocks = find_clocks(capture, options.max_offset, options.threads, cancelled);
   write_synchronised(file, capture, report.clocks);
   fs::remove(root, error);  // where it was empty

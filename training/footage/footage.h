@@ -23,6 +23,7 @@ using FootageStep = std::function<void(const std::string& step)>;
 
 struct FootageReport {
   size_t cameras = 0;
+  double least_field = 0, largest_field = 0;  // of view of the cameras, along x, degrees
   ClockReport clocks;
   std::vector<std::string> notes;
 };

@@ -81,6 +81,8 @@ TEST_F(Footage, BecomesACapture) {
   write_model({"cam00.png", "cam01.png", "phone.png", "cam03.png"});
   const FootageReport report = make();
   EXPECT_EQ(report.cameras, 4U);
+  EXPECT_NEAR(report.least_field, 56.14, 0.01);  // 64 pixels at a focal length of 60
+  EXPECT_EQ(report.largest_field, report.least_field);
   EXPECT_EQ(report.clocks.cameras.size(), 4U);
   EXPECT_TRUE(report.notes.empty());
   const Capture capture = read_capture(folder_ / "capture", {});
