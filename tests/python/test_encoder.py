@@ -2,6 +2,7 @@
 """Encoding: scenes of arrays, progress, Ctrl-C, and what fails."""
 
 import dataclasses
+import gc
 import io
 import pathlib
 import signal
@@ -106,6 +107,7 @@ def test_ctrl_c_ends_a_write(tmp_path: pathlib.Path) -> None:
     for name in ("a.ply", "a.ftgs.ply", "a.4dgs", "a.safetensors"):
         path = tmp_path / name
         path.write_bytes(b"before")
+        gc.collect()  # what Ctrl-C interrupts must not be a destructor, which hides it
         timer = threading.Timer(0.02, lambda: signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT))
         with pytest.raises(KeyboardInterrupt):
             timer.start()
