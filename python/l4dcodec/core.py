@@ -181,9 +181,10 @@ def floats(what: str, values: Any, count: int) -> List[float]:
 def interruptible(run: Callable[[], None], cancel: Any) -> None:
     """Runs a call of the library on another thread; this one waits, so that it hears Ctrl-C and sets cancel[0]."""
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
-        future = pool.submit(run)
+        # The thread is there before it has work: the pool waits for it, wherever Ctrl-C interrupts what follows.
+        pool.submit(int).result()
         try:
-            future.result()
+            pool.submit(run).result()
         except BaseException:
             cancel[0] = 1
             raise
