@@ -4,7 +4,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <new>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -13,6 +15,7 @@ namespace {
 
 constexpr size_t kPiece = size_t{64} << 10;  // to look at what was sent
 constexpr int kLooks = 10;
+constexpr std::chrono::milliseconds kPause(1);  // after the first look; twice as long after each
 
 std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> new_hash() {
   std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> hash(XXH3_createState(),
@@ -59,6 +62,8 @@ bool FileBody::is_as_sent() {
     state_ = now;
     now = state_of(file_->fd);
     if (now == state_) return true;  // nobody has written while this looked
+    std::this_thread::sleep_for(kPause * (1 << look));
+    now = state_of(file_->fd);
   }
   return false;
 }
