@@ -172,7 +172,9 @@ void find_fields(const Capture& capture, FootageReport* report) {
   report->least_field = 180;
   for (const CaptureCamera& camera : capture.cameras) {
     const l4d_camera& lens = camera.source.camera;
-    const double field = 360 / 3.141592653589793 * std::atan(0.5 * lens.width / lens.fx);
+    const double edge = 0.5 * lens.width / lens.fx;
+    const bool is_fisheye = camera.source.distortion.model == io::Distortion::Model::kFisheye;
+    const double field = 360 / 3.141592653589793 * (is_fisheye ? edge : std::atan(edge));
     report->least_field = std::min(report->least_field, field);
     report->largest_field = std::max(report->largest_field, field);
   }

@@ -37,20 +37,22 @@ class Aligner {
     std::vector<double> places = placed_without(n), next(n);
     for (int round = 0; round < kRounds; ++round) {
       parallel_for(threads_, n, 1, [&](size_t begin, size_t end) {
-        for (size_t i = begin; i < end; ++i) next[i] = with_others(i, places).match.lag;
+        for (size_t i = begin; i < end; ++i) next[i] = with_others(i, places, nullptr).lag;
       });
       places = next;
     }
     // The others are where they fit this one best, so that they fit it in any case. Whether
     // it has anything in common with them shows where it fits them as they are without it.
+    const double middle = median(places);
     parallel_for(threads_, n, 1, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) {
         const std::vector<double> apart = placed_without(i);
-        const Found found = with_others(i, apart);
-        offsets[i] = {(median(places) - places[i]) / rate_, found.match.peak, found.match.elsewhere,
-                      found.chance};
+        const Match found = with_others(i, apart, &offsets[i].chance);
+        offsets[i].seconds = (middle - places[i]) / rate_;
+        offsets[i].correlation = found.peak;
+        offsets[i].elsewhere = found.elsewhere;
         const double here = places[i] - median(without(places, i));
-        const double there = found.match.lag - median(without(apart, i));
+        const double there = found.lag - apart[i];
         offsets[i].agrees = std::abs(here - there) <= kAgree * rate_;
       }
     });
@@ -58,11 +60,6 @@ class Aligner {
   }
 
  private:
-  struct Found {
-    Match match;
-    double chance = 1;
-  };
-
   static std::vector<double> without(std::vector<double> values, size_t i) {
     values.erase(values.begin() + static_cast<std::ptrdiff_t>(i));
     return values;
@@ -110,8 +107,9 @@ class Aligner {
     return places;
   }
 
-  // Where camera i fits the mean of the others, as these are placed.
-  Found with_others(size_t i, const std::vector<double>& places) const {
+  // Where camera i fits the mean of the others, as these are placed. by_chance: null, or gets the
+  // peak that would be chance, where there is one.
+  Match with_others(size_t i, const std::vector<double>& places, double* by_chance) const {
     double first = 0, last = 0;
     for (size_t j = 0; j < details_.size(); ++j) {
       first = std::min(first, -places[j]);
@@ -139,10 +137,10 @@ class Aligner {
     }
     const std::ptrdiff_t middle = begin + static_cast<std::ptrdiff_t>(std::lround(places[i]));
     Match found = match(mean, has, details_[i], middle, most_, rate_);
-    if (found.peak < 0) return {{places[i], 0, 0, 0}, 1};
-    const double by_chance = chance(found, mean, has, details_[i], rate_);
+    if (found.peak < 0) return {places[i], 0, 0, 0};
+    if (by_chance != nullptr) *by_chance = chance(found, mean, has, details_[i], rate_);
     found.lag -= static_cast<double>(begin);
-    return {found, by_chance};
+    return found;
   }
 
   const double rate_;

@@ -12,7 +12,7 @@ namespace {
 // a camera, in which cameras differ.
 constexpr double kWindow = 0.27;       // s
 constexpr double kApart = 0.2;         // s, between two places
-constexpr double kLeastOverlap = 2;    // s: less than that has events by chance
+constexpr double kLeastOverlap = 2;    // s: in less, one event may be chance
 constexpr double kLeastEvents = 0.05;  // of what moves, root mean square: what is less is noise,
                                        // or how near something is (basketball has 0.12 to 0.32)
 constexpr double kFloor = 0.05;        // of the mean: what is less is noise

@@ -126,7 +126,6 @@ TEST(Captures, UnknownKeysAreNamed) {
   EXPECT_THAT(capture.notes, testing::Contains(HasSubstr("\"frame_rate\" of the file")));
 }
 
-// Maps have such coordinates.
 TEST(Captures, CamerasOfTheSameImagesAreNamed) {
   json document = tiny_document();
   document["cameras"][3]["images"] = "./" + document["cameras"][1]["images"].get<std::string>();
@@ -134,6 +133,7 @@ TEST(Captures, CamerasOfTheSameImagesAreNamed) {
               testing::Contains(HasSubstr("camera 1 and camera 3 have the same images")));
 }
 
+// Maps have such coordinates.
 TEST(Captures, CamerasFarFromTheOriginAreNamed) {
   const auto moved = [](double by) {
     json document = tiny_document();
